@@ -1,0 +1,5 @@
+//! Placeholder tour.
+#![no_std]
+
+pub mod camera;
+pub use camera::Camera;

@@ -1,0 +1,3 @@
+//! Placeholder tour.
+pub mod model;
+pub mod picture;

@@ -1,0 +1,2 @@
+//! The `dermis` command.
+fn main() {}
