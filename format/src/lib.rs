@@ -1,1 +1,36 @@
-//! Placeholder until its first commit.
+//! The `.dermis` container, version 1: a layered Gaussian avatar bound to a skinned mesh.
+//!
+//! The bytes are normative in `SPEC.md`; this crate is one program that reads and writes them.
+//! Reading is `no_std`, needs no heap and copies nothing: [`Avatar::parse`] checks every length,
+//! index, checksum and number once, and from then on all accessors are total (they cannot fail
+//! and cannot panic).
+//!
+//! 1. [`section`] cuts the bytes into tagged sections, each with a CRC32.
+//! 2. [`header`] says what the file holds and how wide its records are.
+//! 3. [`record`] names every byte of the planes of fixed-size records.
+//! 4. [`block`] is a band of a region's nested order, self-contained.
+//! 5. [`quant`] turns codes into numbers, and back.
+//! 6. [`order`] states which Gaussians of a block come first.
+//! 7. [`avatar`] is the checked view of it all.
+//! 8. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+#![cfg_attr(not(feature = "std"), no_std)]
+
+pub mod avatar;
+pub mod block;
+pub mod error;
+pub mod header;
+pub mod order;
+pub mod quant;
+pub mod record;
+pub mod rig;
+pub mod section;
+#[cfg(feature = "std")]
+pub mod source;
+#[cfg(feature = "std")]
+pub mod writer;
+
+pub use avatar::Avatar;
+pub use block::{Block, Records};
+pub use error::Error;
+pub use header::{FrameKind, Header, LowPass, RecordKind, ScaleLaw};
+pub use quant::{Disc, Full};

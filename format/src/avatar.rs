@@ -1,0 +1,387 @@
+//! The checked view of an avatar's bytes.
+
+use crate::block::Block;
+use crate::error::{Error, malformed};
+use crate::header::Header;
+use crate::record::{
+    BindRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane, take_plane,
+};
+use crate::rig::{Clip, MorphTarget};
+use crate::section::{Section, Sections, section_crc, split_header, tag};
+
+/// An avatar, read in place. Everything was checked by [`Avatar::parse`]; accessors are total.
+#[derive(Clone, Copy, Debug)]
+pub struct Avatar<'a> {
+    header: Header,
+    bytes: &'a [u8],
+    sections: Sections<'a>,
+    vertices: &'a [VertexRecord],
+    bind_indices: Indices<'a>,
+    bind_weights: &'a [[u8; 4]],
+    corners: Indices<'a>,
+    sides: &'a [u8],
+    triangle_regions: &'a [u8],
+    regions: &'a [u8],
+    layers: &'a [U32],
+    joints: &'a [JointRecord],
+    joint_names: &'a [u8],
+    binds: &'a [BindRecord],
+    key_frames: &'a [KeyFrameRecord],
+}
+
+impl<'a> Avatar<'a> {
+    /// Checks the whole file: lengths, checksums, indices and numbers. Costs one pass over the bytes.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, Error> {
+        let (header_bytes, rest) = split_header(bytes)?;
+        let header = Header::parse(header_bytes)?;
+        let mut avatar = Self::without_sections(header, bytes, Sections::new(rest));
+        let mut counts = Counts::default();
+        let mut sections = avatar.sections;
+        while let Some(section) = sections.next_with_crc() {
+            let (section, crc) = section?;
+            if crc != section_crc(&section) {
+                return Err(Error::Damaged { place: section_name(section.tag) });
+            }
+            avatar.take(section, &mut counts)?;
+        }
+        avatar.check(&counts)?;
+        Ok(avatar)
+    }
+
+    fn without_sections(header: Header, bytes: &'a [u8], sections: Sections<'a>) -> Self {
+        Self {
+            header,
+            bytes,
+            sections,
+            vertices: &[],
+            bind_indices: Indices::Byte(&[]),
+            bind_weights: &[],
+            corners: Indices::Short(&[]),
+            sides: &[],
+            triangle_regions: &[],
+            regions: &[],
+            layers: &[],
+            joints: &[],
+            joint_names: &[],
+            binds: &[],
+            key_frames: &[],
+        }
+    }
+
+    fn take(
+        &mut self,
+        Section { tag, payload }: Section<'a>,
+        counts: &mut Counts,
+    ) -> Result<(), Error> {
+        let header = self.header;
+        let place = section_name(tag);
+        let split = match tag {
+            tag::VERTICES => plane(payload).map(|plane| self.vertices = plane),
+            tag::SKIN => self.take_skin(payload),
+            tag::TRIANGLES => self.take_triangles(payload),
+            tag::SIDES => (payload.len() == (header.triangles as usize).div_ceil(8))
+                .then(|| self.sides = payload),
+            tag::TRIANGLE_REGIONS => {
+                let valid = payload.len() == header.triangles as usize
+                    && payload.iter().all(|&r| r < header.regions);
+                valid.then(|| self.triangle_regions = payload)
+            }
+            tag::REGIONS => {
+                self.regions = payload;
+                (Names { rest: payload }.count() == usize::from(header.regions)).then_some(())
+            }
+            tag::LAYERS => plane(payload).map(|plane| self.layers = plane),
+            tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
+            tag::JOINT_NAMES => {
+                self.joint_names = payload;
+                (Names { rest: payload }.count() == usize::from(header.joints)).then_some(())
+            }
+            tag::BINDS => plane(payload).map(|plane| self.binds = plane),
+            tag::KEY_FRAMES => plane(payload).map(|plane| self.key_frames = plane),
+            tag::MORPH => MorphTarget::split(payload, header.vertices).and_then(|target| {
+                counts.morph_targets += 1;
+                let numbers = target.step.abs() <= 1e6 && target.default_weight.abs() <= 1e6;
+                (numbers && target.vertices.iter().all(|v| v < header.vertices)).then_some(())
+            }),
+            tag::CLIP => Clip::split(payload).and_then(|clip| {
+                counts.clips += 1;
+                clip.is_valid(header.joints, header.morph_targets).then_some(())
+            }),
+            tag::BLOCK => {
+                let Some(block) = Block::split(payload, &header) else {
+                    return malformed(place, "its length does not fit its contents");
+                };
+                block.check(&header)?;
+                return counts.add(&block);
+            }
+            _ => Some(()),
+        };
+        split
+            .map_or_else(|| malformed(place, "its length or its numbers do not fit the header"), Ok)
+    }
+
+    fn take_skin(&mut self, payload: &'a [u8]) -> Option<()> {
+        let n = self.header.vertices as usize;
+        let (indices, rest) = Indices::take_binds(payload, n.checked_mul(4)?, self.header.binds)?;
+        let weights = plane(rest)?;
+        let in_range = indices.iter().all(|bind| bind < u32::from(self.header.binds));
+        (self.bind_indices, self.bind_weights) = (indices, weights);
+        (weights.len() == n && in_range).then_some(())
+    }
+
+    fn take_triangles(&mut self, payload: &'a [u8]) -> Option<()> {
+        let n = (self.header.triangles as usize).checked_mul(3)?;
+        let (corners, rest) = Indices::take_vertices(payload, n, self.header.vertices)?;
+        self.corners = corners;
+        (rest.is_empty() && corners.iter().all(|vertex| vertex < self.header.vertices))
+            .then_some(())
+    }
+
+    fn check(&self, counts: &Counts) -> Result<(), Error> {
+        let header = &self.header;
+        let layers = usize::from(header.regions) * usize::from(header.layers);
+        let lengths = [
+            (self.vertices.len(), header.vertices as usize, "VERT"),
+            (self.corners.len() / 3, header.triangles as usize, "TRIS"),
+            (
+                self.bind_weights.len(),
+                if header.binds > 0 { header.vertices as usize } else { 0 },
+                "SKIN",
+            ),
+            (self.joints.len(), usize::from(header.joints), "JNTS"),
+            (self.binds.len(), usize::from(header.binds), "BIND"),
+            (self.layers.len(), layers, "LAYR"),
+            (Names { rest: self.regions }.count(), usize::from(header.regions), "REGN"),
+            (counts.morph_targets, usize::from(header.morph_targets), "MRPH"),
+            (counts.clips, usize::from(header.clips), "CLIP"),
+        ];
+        if let Some((_, _, place)) = lengths.iter().find(|(found, expected, _)| found != expected) {
+            return malformed(place, "it is missing or not as long as the header says");
+        }
+        self.check_rig()?;
+        self.check_layers(counts)
+    }
+
+    fn check_rig(&self) -> Result<(), Error> {
+        for (index, joint) in self.joints.iter().enumerate() {
+            let parent = joint.parent.get();
+            if parent != u16::MAX && usize::from(parent) >= index {
+                return malformed("JNTS", "a joint stands before its parent");
+            }
+            let numbers = joint.translation.iter().chain(&joint.rotation).chain(&joint.scale);
+            if numbers.into_iter().any(|x| x.get().is_nan() || x.get().abs() > 1e12) {
+                return malformed("JNTS", "a rest transform is not finite");
+            }
+        }
+        for bind in self.binds {
+            if bind.joint.get() >= self.header.joints {
+                return malformed("BIND", "its joint does not exist");
+            }
+            if bind.inverse.iter().flatten().any(|x| x.get().is_nan() || x.get().abs() > 1e12) {
+                return malformed("BIND", "a matrix is not finite");
+            }
+        }
+        let clips = self.header.clips;
+        if self.key_frames.iter().any(|k| k.clip.get() != u16::MAX && k.clip.get() >= clips) {
+            return malformed("KEYF", "a key frame's clip does not exist");
+        }
+        Ok(())
+    }
+
+    fn check_layers(&self, counts: &Counts) -> Result<(), Error> {
+        let mut total = 0u64;
+        for region in 0..usize::from(self.header.regions) {
+            let mut sum = 0u64;
+            for layer in 0..usize::from(self.header.layers) {
+                sum += u64::from(self.layer_len(region, layer));
+            }
+            if sum != u64::from(counts.regions[region]) {
+                return malformed("LAYR", "the layers of a region do not add up to its blocks");
+            }
+            total += sum;
+        }
+        if total != u64::from(self.header.gaussians) {
+            return malformed("header", "the number of Gaussians is not that of the blocks");
+        }
+        for block in self.blocks() {
+            let region = usize::from(block.region);
+            let start: u64 =
+                (0..usize::from(block.layer)).map(|l| u64::from(self.layer_len(region, l))).sum();
+            let end = start + u64::from(self.layer_len(region, usize::from(block.layer)));
+            let last = u64::from(block.first) + u64::from(block.count);
+            if u64::from(block.first) < start || last > end {
+                return malformed("block", "it crosses the border of its layer");
+            }
+        }
+        Ok(())
+    }
+
+    /// What the file says of itself.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// The whole file.
+    pub fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// Bind-space positions as codes.
+    pub fn vertices(&self) -> &'a [VertexRecord] {
+        self.vertices
+    }
+
+    /// Bind-space position of vertex `index`, metres; the origin for an index out of range.
+    #[inline]
+    pub fn vertex_position(&self, index: usize) -> [f32; 3] {
+        let Some(record) = self.vertices.get(index) else { return [0.0; 3] };
+        core::array::from_fn(|i| {
+            self.header.position_min[i]
+                + f32::from(record.position[i].get()) * self.header.position_step[i]
+        })
+    }
+
+    /// Influences of vertex `index`: bind and weight in 1/255.
+    #[inline]
+    pub fn influences(&self, index: usize) -> [(u32, u8); 4] {
+        let weights = self.bind_weights.get(index).copied().unwrap_or([0; 4]);
+        core::array::from_fn(|i| (self.bind_indices.get(index * 4 + i), weights[i]))
+    }
+
+    /// Corners of triangle `index`: indices of vertices.
+    #[inline]
+    pub fn triangle(&self, index: usize) -> [u32; 3] {
+        core::array::from_fn(|i| self.corners.get(index * 3 + i))
+    }
+
+    /// Whether the back of triangle `index` is seen, so that it must be drawn.
+    #[inline]
+    pub fn is_two_sided(&self, index: usize) -> bool {
+        self.sides.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
+    }
+
+    /// Region of triangle `index`.
+    pub fn triangle_region(&self, index: usize) -> u8 {
+        self.triangle_regions.get(index).copied().unwrap_or(0)
+    }
+
+    /// Names of the regions.
+    pub fn region_names(&self) -> Names<'a> {
+        Names { rest: self.regions }
+    }
+
+    /// Gaussians of layer `layer` of region `region`.
+    pub fn layer_len(&self, region: usize, layer: usize) -> u32 {
+        self.layers.get(region * usize::from(self.header.layers) + layer).map_or(0, |len| len.get())
+    }
+
+    /// Gaussians of region `region`.
+    pub fn region_len(&self, region: usize) -> u32 {
+        (0..usize::from(self.header.layers)).map(|layer| self.layer_len(region, layer)).sum()
+    }
+
+    /// The skeleton; parents stand before their children.
+    pub fn joints(&self) -> &'a [JointRecord] {
+        self.joints
+    }
+
+    /// Names of the joints; none if the file leaves them out.
+    pub fn joint_names(&self) -> Names<'a> {
+        Names { rest: self.joint_names }
+    }
+
+    /// Inverse bind matrices.
+    pub fn binds(&self) -> &'a [BindRecord] {
+        self.binds
+    }
+
+    /// Key frames that the avatar was trained on.
+    pub fn key_frames(&self) -> &'a [KeyFrameRecord] {
+        self.key_frames
+    }
+
+    /// Morph targets in order.
+    pub fn morph_targets(&self) -> impl Iterator<Item = MorphTarget<'a>> {
+        let vertices = self.header.vertices;
+        self.tagged(tag::MORPH).filter_map(move |payload| MorphTarget::split(payload, vertices))
+    }
+
+    /// Clips in order.
+    pub fn clips(&self) -> impl Iterator<Item = Clip<'a>> {
+        self.tagged(tag::CLIP).filter_map(Clip::split)
+    }
+
+    /// Blocks in the order of the file: coarse to fine.
+    pub fn blocks(&self) -> impl Iterator<Item = Block<'a>> {
+        let header = self.header;
+        self.tagged(tag::BLOCK).filter_map(move |payload| Block::split(payload, &header))
+    }
+
+    /// Sections in the order of the file.
+    pub fn sections(&self) -> Sections<'a> {
+        self.sections
+    }
+
+    fn tagged(&self, tag: [u8; 4]) -> impl Iterator<Item = &'a [u8]> {
+        self.sections.filter(move |section| section.tag == tag).map(|section| section.payload)
+    }
+}
+
+/// Walks strings, each led by its length in bytes (u8).
+#[derive(Clone, Copy, Debug)]
+pub struct Names<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Iterator for Names<'a> {
+    type Item = &'a str;
+
+    fn next(&mut self) -> Option<&'a str> {
+        let (len, rest) = take_plane::<u8>(self.rest, 1)?;
+        let (name, rest) = rest.split_at_checked(usize::from(*len.first()?))?;
+        self.rest = rest;
+        core::str::from_utf8(name).ok()
+    }
+}
+
+/// What was counted on the way through the sections.
+#[derive(Default)]
+struct Counts {
+    morph_targets: usize,
+    clips: usize,
+    regions: [u32; crate::header::MAX_REGIONS],
+}
+
+impl Counts {
+    /// Blocks of a region follow each other without gaps.
+    fn add(&mut self, block: &Block<'_>) -> Result<(), Error> {
+        let Some(next) = self.regions.get_mut(usize::from(block.region)) else {
+            return malformed("block", "its region does not exist");
+        };
+        match next.checked_add(block.count) {
+            Some(sum) if block.first == *next => *next = sum,
+            _ => return malformed("block", "it does not follow the block before it"),
+        }
+        Ok(())
+    }
+}
+
+fn section_name(tag: [u8; 4]) -> &'static str {
+    match tag {
+        tag::VERTICES => "VERT",
+        tag::SKIN => "SKIN",
+        tag::TRIANGLES => "TRIS",
+        tag::SIDES => "SIDE",
+        tag::TRIANGLE_REGIONS => "TREG",
+        tag::REGIONS => "REGN",
+        tag::LAYERS => "LAYR",
+        tag::JOINTS => "JNTS",
+        tag::JOINT_NAMES => "JNAM",
+        tag::BINDS => "BIND",
+        tag::MORPH => "MRPH",
+        tag::CLIP => "CLIP",
+        tag::KEY_FRAMES => "KEYF",
+        tag::BLOCK => "BLCK",
+        _ => "unknown section",
+    }
+}

@@ -1,0 +1,259 @@
+//! Codes to numbers, and back.
+
+use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
+
+/// A flat disc in the frame of its triangle. Lengths in units of the frame's size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disc {
+    /// x, y in the triangle's plane, z along its normal.
+    pub position: [f32; 3],
+    /// From the frame's x to the first axis, radians in [0, π).
+    pub angle: f32,
+    /// log₂ of the standard deviations along the two axes.
+    pub log2_scale: [f32; 2],
+    /// Display-referred sRGB.
+    pub color: [f32; 3],
+    /// In [0, 1].
+    pub opacity: f32,
+}
+
+/// A Gaussian with rotation and three scales. Lengths in units of the frame's size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Full {
+    /// x, y in the triangle's plane, z along its normal.
+    pub position: [f32; 3],
+    /// Unit quaternion w, x, y, z: own axes → frame.
+    pub rotation: [f32; 4],
+    /// log₂ of the standard deviations along the three axes.
+    pub log2_scale: [f32; 3],
+    /// Display-referred sRGB (with harmonics: the constant term's colour).
+    pub color: [f32; 3],
+    /// In [0, 1].
+    pub opacity: f32,
+}
+
+/// Radians per code of a disc's angle.
+pub const ANGLE_STEP: f32 = core::f32::consts::PI / 256.0;
+
+impl Range {
+    /// The value of a code.
+    #[inline]
+    pub fn value(self, code: u16) -> f32 {
+        self.offset.get() + f32::from(code) * self.step.get()
+    }
+
+    /// The range that codes 0..=`last` need to reach from `min` to `max`.
+    pub fn spanning(min: f32, max: f32, last: u16) -> Self {
+        Self { offset: min.into(), step: ((max - min) / f32::from(last)).into() }
+    }
+
+    /// The nearest code to `value`, in 0..=`last`.
+    pub fn code(self, value: f32, last: u16) -> u16 {
+        let step = self.step.get();
+        if step > 0.0 {
+            // Saturates; NaN becomes 0.
+            (((value - self.offset.get()) / step + 0.5) as u16).min(last)
+        } else {
+            0
+        }
+    }
+
+    /// Whether every code up to `last` has a finite value of at most `limit`.
+    pub(crate) fn is_within(self, last: u16, limit: f32) -> bool {
+        let (low, high) = (self.offset.get(), self.value(last));
+        low.abs() <= limit && high.abs() <= limit && self.step.get() >= 0.0
+    }
+}
+
+impl GroupRecord {
+    /// Decodes a disc.
+    #[inline]
+    pub fn disc(&self, record: &DiscRecord) -> Disc {
+        let range = |range: Range, code: u8| range.value(u16::from(code));
+        let [x, y, z] = record.position;
+        Disc {
+            position: [
+                range(self.position[0], x),
+                range(self.position[1], y),
+                range(self.position[2], z),
+            ],
+            angle: f32::from(record.angle) * ANGLE_STEP,
+            log2_scale: record.scale.map(|code| range(self.log2_scale, code)),
+            color: self.rgb(record.color),
+            opacity: opacity_value(record.opacity),
+        }
+    }
+
+    /// Decodes a Gaussian with rotation and three scales.
+    #[inline]
+    pub fn full(&self, record: &FullRecord) -> Full {
+        let [x, y, z] = record.position;
+        Full {
+            position: [
+                self.position[0].value(x.get()),
+                self.position[1].value(y.get()),
+                self.position[2].value(z.get()),
+            ],
+            rotation: quaternion_value(record.rotation.get()),
+            log2_scale: record.scale.map(|code| self.log2_scale.value(u16::from(code))),
+            color: self.rgb(record.color),
+            opacity: opacity_value(record.opacity),
+        }
+    }
+
+    /// Encodes a disc whose values lie in this group's ranges.
+    pub fn encode_disc(&self, disc: &Disc) -> DiscRecord {
+        let code = |range: Range, value: f32| range.code(value, 255) as u8;
+        // One more than the last code is π, which is 0 again.
+        let turns = disc.angle.rem_euclid(core::f32::consts::PI) / ANGLE_STEP;
+        DiscRecord {
+            position: core::array::from_fn(|i| code(self.position[i], disc.position[i])),
+            angle: ((turns + 0.5) as u16 % 256) as u8,
+            scale: disc.log2_scale.map(|scale| code(self.log2_scale, scale)),
+            color: self.color_codes(disc.color),
+            opacity: opacity_code(disc.opacity),
+        }
+    }
+
+    /// Encodes a Gaussian whose values lie in this group's ranges.
+    pub fn encode_full(&self, full: &Full) -> FullRecord {
+        FullRecord {
+            position: core::array::from_fn(|i| {
+                self.position[i].code(full.position[i], u16::MAX).into()
+            }),
+            rotation: quaternion_code(full.rotation).into(),
+            scale: full.log2_scale.map(|scale| self.log2_scale.code(scale, 255) as u8),
+            color: self.color_codes(full.color),
+            opacity: opacity_code(full.opacity),
+        }
+    }
+
+    #[inline]
+    fn rgb(&self, codes: [u8; 3]) -> [f32; 3] {
+        let [luma, orange, green] =
+            core::array::from_fn(|i| self.color[i].value(u16::from(codes[i])));
+        rgb_of_ycocg([luma, orange, green])
+    }
+
+    fn color_codes(&self, rgb: [f32; 3]) -> [u8; 3] {
+        let ycocg = ycocg_of_rgb(rgb);
+        core::array::from_fn(|i| self.color[i].code(ycocg[i], 255) as u8)
+    }
+}
+
+/// Luma and chroma, along which colours of neighbours differ least: Y = (r + 2g + b) / 4,
+/// Co = (r − b) / 2, Cg = (2g − r − b) / 4.
+pub fn ycocg_of_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [(r + 2.0 * g + b) / 4.0, (r - b) / 2.0, (2.0 * g - r - b) / 4.0]
+}
+
+/// The inverse of [`ycocg_of_rgb`].
+#[inline]
+pub fn rgb_of_ycocg([luma, orange, green]: [f32; 3]) -> [f32; 3] {
+    let rest = luma - green;
+    [rest + orange, luma + green, rest - orange]
+}
+
+/// Opacity of a code.
+#[inline]
+pub fn opacity_value(code: u8) -> f32 {
+    f32::from(code) * (1.0 / 255.0)
+}
+
+/// Nearest code of an opacity.
+pub fn opacity_code(opacity: f32) -> u8 {
+    (opacity * 255.0 + 0.5) as u8
+}
+
+/// √½: no component but the greatest of a unit quaternion exceeds it.
+const HALF_ROOT: f32 = core::f32::consts::FRAC_1_SQRT_2;
+/// Codes of a component: 10 bits, 0 in the middle.
+const COMPONENT_MIDDLE: f32 = 511.0;
+
+/// Smallest three: bits 30..32 say which component is the greatest (left out, positive), then 10
+/// bits for each other one in the order w, x, y, z: (code − 511) / 511 · √½.
+pub fn quaternion_code(rotation: [f32; 4]) -> u32 {
+    let mut greatest = 0;
+    for i in 1..4 {
+        if rotation[i].abs() > rotation[greatest].abs() {
+            greatest = i;
+        }
+    }
+    let sign = if rotation[greatest] < 0.0 { -1.0 } else { 1.0 };
+    let mut code = greatest as u32;
+    for (i, component) in rotation.into_iter().enumerate() {
+        if i != greatest {
+            let scaled = sign * component / HALF_ROOT * COMPONENT_MIDDLE + COMPONENT_MIDDLE;
+            code = code << 10 | ((scaled + 0.5) as u32).min(1022);
+        }
+    }
+    code
+}
+
+/// The quaternion of a code; its length is 1 up to rounding, or up to 22 % more for codes that
+/// [`quaternion_code`] never makes.
+#[inline]
+pub fn quaternion_value(code: u32) -> [f32; 4] {
+    let component = |shift: u32| {
+        ((code >> shift & 1023) as f32 - COMPONENT_MIDDLE) * (HALF_ROOT / COMPONENT_MIDDLE)
+    };
+    let (a, b, c) = (component(20), component(10), component(0));
+    let rest = 1.0 - (a * a + b * b + c * c);
+    let greatest = if rest > 0.0 { sqrt(rest) } else { 0.0 };
+    match code >> 30 {
+        0 => [greatest, a, b, c],
+        1 => [a, greatest, b, c],
+        2 => [a, b, greatest, c],
+        _ => [a, b, c, greatest],
+    }
+}
+
+/// Square root for x in (0, 1], by Newton's iteration: within 2 ulp.
+fn sqrt(x: f32) -> f32 {
+    // First guess within 4 %: half the exponent.
+    let mut root = f32::from_bits((x.to_bits() >> 1) + 0x1fbd_1df5);
+    for _ in 0..3 {
+        root = 0.5 * (root + x / root);
+    }
+    root
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn square_root_is_within_two_ulp_over_its_domain() {
+        for bits in (1e-12f32.to_bits()..=1f32.to_bits()).step_by(97) {
+            let x = f32::from_bits(bits);
+            let ulps = sqrt(x).to_bits().abs_diff(x.sqrt().to_bits());
+            assert!(ulps <= 2, "{ulps} ulp at {x}");
+        }
+    }
+
+    #[test]
+    fn rotations_return_within_a_third_of_a_degree() {
+        let mut seed = 1u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        for _ in 0..10_000 {
+            let raw: [f32; 4] = core::array::from_fn(|_| random());
+            let length = raw.iter().map(|x| x * x).sum::<f32>().sqrt();
+            let unit = raw.map(|x| x / length);
+            let back = quaternion_value(quaternion_code(unit));
+            let dot: f32 = unit.iter().zip(back).map(|(a, b)| a * b).sum();
+            // The angle between the two is 2 acos(dot).
+            assert!(dot.abs() > (0.333f32.to_radians() / 2.0).cos(), "{unit:?} {back:?}");
+        }
+    }
+
+    #[test]
+    fn colours_return() {
+        for rgb in [[0.0, 0.0, 0.0], [1.0, 0.5, 0.25], [0.2, 0.9, 1.1]] {
+            let back = rgb_of_ycocg(ycocg_of_rgb(rgb));
+            assert!(rgb.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-6));
+        }
+    }
+}

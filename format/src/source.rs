@@ -1,0 +1,169 @@
+//! What the encoder takes: an avatar in plain numbers.
+
+use crate::header::{FrameKind, LowPass, ScaleLaw};
+use crate::quant::{Disc, Full};
+use crate::rig::Property;
+
+/// An avatar before it is encoded.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// Mesh; empty for a cloud that nothing moves.
+    pub mesh: Mesh,
+    /// Skeleton and clips.
+    pub rig: Rig,
+    /// Regions with their Gaussians; at least one.
+    pub regions: Vec<Region>,
+    /// Kind of frame, prefix and low-pass.
+    pub mathematics: Mathematics,
+    /// Rest pose's box: lower and upper corner, metres.
+    pub bounds: [[f32; 3]; 2],
+    /// Key frames trained on: (clip, seconds); no clip is the rest pose.
+    pub key_frames: Vec<(Option<u16>, f32)>,
+}
+
+/// Which mathematics the Gaussians are meant for.
+#[derive(Clone, Copy, Debug)]
+pub struct Mathematics {
+    /// Kind of triangle frame.
+    pub frame: FrameKind,
+    /// Low-pass of the projection.
+    pub low_pass: LowPass,
+    /// Scales of a prefix.
+    pub scale_law: ScaleLaw,
+    /// Degree of spherical harmonics, 0..=3; above 0 only for full Gaussians.
+    pub harmonics_degree: u8,
+}
+
+impl Default for Mathematics {
+    fn default() -> Self {
+        Self {
+            frame: FrameKind::Area,
+            low_pass: LowPass::Compensated,
+            scale_law: ScaleLaw::SquareRoot,
+            harmonics_degree: 0,
+        }
+    }
+}
+
+/// Mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Bind space, metres.
+    pub positions: Vec<[f32; 3]>,
+    /// Bind and weight, four for each vertex; empty if no joint moves the mesh.
+    pub influences: Vec<[(u16, f32); 4]>,
+    /// Indices of vertices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Whether a triangle's back is seen.
+    pub two_sided: Vec<bool>,
+    /// Region of each triangle; may be empty with one region.
+    pub triangle_regions: Vec<u8>,
+    /// Morph targets.
+    pub morph_targets: Vec<Morph>,
+}
+
+/// Morph target.
+#[derive(Clone, Debug, Default)]
+pub struct Morph {
+    /// Name.
+    pub name: String,
+    /// Weight where no clip says otherwise.
+    pub default_weight: f32,
+    /// Vertex and its displacement in bind space, metres.
+    pub deltas: Vec<(u32, [f32; 3])>,
+}
+
+/// Skeleton and clips.
+#[derive(Clone, Debug, Default)]
+pub struct Rig {
+    /// Parents before children.
+    pub joints: Vec<Joint>,
+    /// Joint and rows of its 3×4 inverse bind matrix.
+    pub binds: Vec<(u16, [[f32; 4]; 3])>,
+    /// Animations.
+    pub clips: Vec<Clip>,
+}
+
+/// Joint.
+#[derive(Clone, Debug, Default)]
+pub struct Joint {
+    /// Name.
+    pub name: String,
+    /// Index of the parent.
+    pub parent: Option<u16>,
+    /// At rest, metres.
+    pub translation: [f32; 3],
+    /// At rest, w, x, y, z.
+    pub rotation: [f32; 4],
+    /// At rest.
+    pub scale: [f32; 3],
+}
+
+/// Animation.
+#[derive(Clone, Debug, Default)]
+pub struct Clip {
+    /// Name.
+    pub name: String,
+    /// Length.
+    pub seconds: f32,
+    /// What moves.
+    pub channels: Vec<Channel>,
+}
+
+/// Keys evenly spaced over the clip.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// What it moves.
+    pub property: Property,
+    /// Whether a key holds until the next one.
+    pub holds: bool,
+    /// Keys of `property.width()` numbers each, in a row.
+    pub values: Vec<f32>,
+}
+
+/// A region and its Gaussians.
+#[derive(Clone, Debug, Default)]
+pub struct Region {
+    /// Name.
+    pub name: String,
+    /// Gaussians of each layer; as many layers in every region.
+    pub layers: Vec<u32>,
+    /// In the order of [`crate::order`]: layer by layer, block by block, in a block by triangle.
+    pub gaussians: Gaussians,
+    /// Triangle of each; empty without a mesh.
+    pub triangles: Vec<u32>,
+    /// For each Gaussian of layer m, its opacities at levels m+1, m+2, …; empty if opacity is the same at all levels.
+    pub later_opacities: Vec<Vec<f32>>,
+    /// For each Gaussian 3 · ((degree + 1)² − 1) coefficients, (r, g, b) after (r, g, b); empty at degree 0.
+    pub harmonics: Vec<Vec<f32>>,
+}
+
+/// Gaussians of one kind.
+#[derive(Clone, Debug)]
+pub enum Gaussians {
+    /// Discs.
+    Disc(Vec<Disc>),
+    /// With rotation and three scales.
+    Full(Vec<Full>),
+}
+
+impl Default for Gaussians {
+    fn default() -> Self {
+        Self::Disc(Vec::new())
+    }
+}
+
+impl Gaussians {
+    /// How many.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Disc(discs) => discs.len(),
+            Self::Full(fulls) => fulls.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
