@@ -1,5 +1,7 @@
 //! Pinhole camera in OpenCV's axes: x right, y down, z forward.
 
+use crate::math::Real;
+
 /// A pinhole camera. Pixel (0, 0) has its centre at (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -17,4 +19,12 @@ pub struct Camera {
     pub cy: f32,
     /// World → camera: rows of a 3×4 rigid transform, metres.
     pub world_to_camera: [[f32; 4]; 3],
+}
+
+impl Camera {
+    /// Centre of projection in world axes, metres: −Rᵀ t.
+    pub fn position<R: Real>(&self) -> [R; 3] {
+        let m = self.world_to_camera.map(|row| row.map(R::of));
+        core::array::from_fn(|i| -(m[0][i] * m[0][3] + m[1][i] * m[1][3] + m[2][i] * m[2][3]))
+    }
 }

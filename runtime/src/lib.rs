@@ -1,5 +1,91 @@
-//! Placeholder tour.
+//! Draws `.dermis` avatars in memory that the caller lends: no heap, no panic, no unsafe code, and
+//! the same bytes on every target.
+//!
+//! Data flows one way: bytes → avatar → pose → plan → prepare → bands → pixels.
+//!
+//! 1. [`Avatar::parse`] checks the bytes once and reads them in place.
+//! 2. [`Posed`] skins the mesh in a [`Pose`] ([`pose`], [`posed`]) and gives each triangle a
+//!    coordinate system ([`frame`]).
+//! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]).
+//! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
+//!    ([`project`], [`prepare`]).
+//! 5. Bands of tiles are sorted front to back ([`tiles`]) and blended ([`raster`], [`draw`])
+//! 6. into the caller's [`Framebuffer`] ([`framebuffer`]).
+//!
+//! [`render`] does all of it for one avatar and one camera; [`scratch_len`] says how many words it
+//! needs. World axes are glTF's (metres, right-handed, +Y up), camera axes OpenCV's.
 #![no_std]
 
 pub mod camera;
+pub mod draw;
+pub mod error;
+pub mod frame;
+pub mod framebuffer;
+pub mod gaussian;
+pub mod harmonics;
+pub mod math;
+pub mod plan;
+pub mod pose;
+pub mod posed;
+pub mod prepare;
+pub mod project;
+pub mod raster;
+mod scratch;
+pub mod select;
+pub mod tiles;
+
 pub use camera::Camera;
+pub use dermis_format::Avatar;
+pub use draw::DrawStatistics;
+pub use error::Error;
+pub use framebuffer::{Background, Framebuffer};
+pub use plan::Plan;
+pub use pose::Pose;
+pub use posed::Posed;
+pub use prepare::Prepared;
+
+/// What a frame took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Gaussians of the plan: never more than the budget.
+    pub gaussians_selected: u32,
+    /// Those that touch a pixel's bounds.
+    pub gaussians_visible: u32,
+    /// Gaussians blended into pixels.
+    pub blends: u64,
+}
+
+/// Words of scratch with which [`render`] never fails for want of memory.
+pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
+    let budget = budget.min(avatar.header().gaussians);
+    Posed::scratch_len(avatar)
+        .saturating_add(Prepared::scratch_len(budget, width, height))
+        .saturating_add(Prepared::band_scratch_len(budget, width, height))
+}
+
+/// Poses, projects and draws one avatar.
+pub fn render(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    camera: &Camera,
+    scratch: &mut [u32],
+    framebuffer: &mut Framebuffer<'_>,
+) -> Result<Statistics, Error> {
+    let budget = plan.gaussians();
+    let (width, height) = (camera.width, camera.height);
+    let lent = scratch.len();
+    let needed = scratch_len(avatar, budget, width, height);
+    let missing = Error::Scratch { needed, lent };
+    let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
+    let preparing = Prepared::scratch_len(budget, width, height);
+    let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
+    let posed = Posed::new(avatar, pose, posing)?;
+    let prepared = Prepared::new(&posed, plan, camera, preparing)?;
+    let drawn = prepared.draw(drawing, framebuffer)?;
+    Ok(Statistics {
+        gaussians_selected: prepared.gaussians_selected(),
+        gaussians_visible: prepared.splats().len() as u32,
+        blends: drawn.blends,
+    })
+}

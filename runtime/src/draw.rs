@@ -1,0 +1,93 @@
+//! Bands of tile rows: lists, pixels, framebuffer.
+
+use core::ops::Range;
+
+use crate::error::Error;
+use crate::framebuffer::Framebuffer;
+use crate::prepare::Prepared;
+use crate::raster::{CLEAR, TilePixels, draw_tile};
+use crate::scratch::{Scratch, words};
+use crate::tiles::{Pair, TILE, fill_run, next_run};
+
+/// What drawing took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawStatistics {
+    /// Gaussians blended into pixels.
+    pub blends: u64,
+}
+
+impl Prepared<'_> {
+    /// Words of scratch that a band takes at least: one tile's pixels, and a list that holds every
+    /// splat of a budget. More words mean longer lists and fewer passes, never other pixels.
+    pub fn band_scratch_len(budget: u32, width: u32, height: u32) -> usize {
+        let tiles = crate::tiles::TileGrid::new(width, height).tiles();
+        words::<TilePixels>(1) + tiles + words::<Pair>(budget as usize)
+    }
+
+    /// Rows of tiles in the frame.
+    pub fn tile_rows(&self) -> u32 {
+        self.grid.rows
+    }
+
+    /// Draws rows `tile_rows` of tiles. Row 0 of `framebuffer` is the band's first row of pixels.
+    pub fn draw_band(
+        &self,
+        tile_rows: Range<u32>,
+        scratch: &mut [u32],
+        framebuffer: &mut Framebuffer<'_>,
+    ) -> Result<DrawStatistics, Error> {
+        let tile_rows = tile_rows.start.min(self.grid.rows)..tile_rows.end.min(self.grid.rows);
+        let first_row = tile_rows.start * TILE;
+        let end_row = (tile_rows.end * TILE).min(self.grid.height);
+        framebuffer.check(self.grid.width, end_row.saturating_sub(first_row) as usize)?;
+        let blends = self.for_each_tile(tile_rows, scratch, |tile, _, pixels| {
+            framebuffer.write(&self.grid, tile, first_row, pixels);
+        })?;
+        Ok(DrawStatistics { blends })
+    }
+
+    /// Draws the whole frame.
+    pub fn draw(
+        &self,
+        scratch: &mut [u32],
+        framebuffer: &mut Framebuffer<'_>,
+    ) -> Result<DrawStatistics, Error> {
+        self.draw_band(0..self.grid.rows, scratch, framebuffer)
+    }
+
+    /// Calls `finished` with each tile of a band: its index, its splats front to back, its pixels.
+    pub fn for_each_tile(
+        &self,
+        tile_rows: Range<u32>,
+        scratch: &mut [u32],
+        mut finished: impl FnMut(u32, &[Pair], &TilePixels),
+    ) -> Result<u64, Error> {
+        let mut tiles = tile_rows.start * self.grid.columns..tile_rows.end * self.grid.columns;
+        let needed = words::<TilePixels>(1) + tiles.len() + words::<Pair>(self.splats.len());
+        let lent = scratch.len();
+        let mut scratch = Scratch::new(scratch);
+        let pixels = scratch.take::<TilePixels>(1)?;
+        let ends = scratch.take::<u32>(tiles.len())?;
+        if lent < needed {
+            return Err(Error::Scratch { needed, lent });
+        }
+        let pairs = scratch.take_rest::<Pair>();
+        let mut blends = 0;
+        while !tiles.is_empty() {
+            let run = next_run(self.tile_counts, tiles.clone(), pairs.len());
+            fill_run(&self.grid, self.splats, self.tile_counts, run.clone(), pairs, ends);
+            let mut start = 0;
+            for (tile, &end) in run.clone().zip(ends.iter()) {
+                let order = pairs.get(start as usize..end as usize).unwrap_or(&[]);
+                for pixels in pixels.iter_mut() {
+                    pixels.fill(CLEAR);
+                    blends += draw_tile(self.splats, order, self.grid.pixels(tile), pixels);
+                    finished(tile, order, pixels);
+                }
+                start = end;
+            }
+            tiles.start = run.end;
+        }
+        Ok(blends)
+    }
+}

@@ -1,0 +1,177 @@
+//! Triangle frames: the posed coordinate system of a triangle.
+
+use dermis_format::FrameKind;
+
+use crate::math::{Real, add, cross, dot, scale, sub};
+
+/// A coordinate system: `world = x · X₀ + y · X₁ + z · X₂ + origin`. The axes are orthogonal and
+/// as long as the frame's size, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame<R> {
+    /// First axis, in the triangle's plane.
+    pub x: [R; 3],
+    /// Second axis.
+    pub y: [R; 3],
+    /// Third axis; along the normal for [`FrameKind::Area`].
+    pub z: [R; 3],
+    /// World, metres.
+    pub origin: [R; 3],
+}
+
+impl<R: Real> Frame<R> {
+    /// The world's own axes, size 1 m.
+    pub fn world() -> Self {
+        let (o, i) = (R::ZERO, R::ONE);
+        Self { x: [i, o, o], y: [o, i, o], z: [o, o, i], origin: [o; 3] }
+    }
+
+    /// The frame of a posed triangle. `None` where the triangle has no area, or corners that are
+    /// not finite: what stands on it is not drawn.
+    ///
+    /// Area (LoDAvatar, eq. 5): origin T = centroid, z = unit normal, x = unit(v0 − T), y = z × x,
+    /// size = √area. Edge (GaussianAvatars): T = centroid, x = unit(v1 − v0), y = unit normal,
+    /// z = −unit(y × x), size = (|v1 − v0| + |z · (v2 − v0)|) / 2.
+    pub fn of_triangle(kind: FrameKind, [v0, v1, v2]: [[R; 3]; 3]) -> Option<Self> {
+        // Corners about the centroid, whose sum divided first by 3 cannot overflow.
+        let third = R::ONE / R::of(3.0);
+        let origin = add(add(scale(v0, third), scale(v1, third)), scale(v2, third));
+        let (e1, e2, arm) = (sub(v1, v0), sub(v2, v0), sub(v0, origin));
+        // In units of the longest edge's greatest component neither products nor their squares
+        // over- or underflow, whatever the size of the triangle.
+        let unit = greatest(e1).at_least(greatest(e2));
+        if !(unit > R::ZERO && unit.is_finite() && greatest(origin).is_finite()) {
+            return None;
+        }
+        let inverse = R::ONE / unit;
+        if !inverse.is_finite() {
+            return None;
+        }
+        let (e1, e2, arm) = (scale(e1, inverse), scale(e2, inverse), scale(arm, inverse));
+        let normal = cross(e1, e2);
+        let double_area = dot(normal, normal).sqrt();
+        let first = match kind {
+            FrameKind::Edge => e1,
+            FrameKind::Area | FrameKind::World => arm,
+        };
+        let first_length = dot(first, first).sqrt();
+        if !(double_area > R::ZERO && first_length > R::ZERO) {
+            return None;
+        }
+        let normal = scale(normal, R::ONE / double_area);
+        let first = scale(first, R::ONE / first_length);
+        let half = R::of(0.5);
+        let (x, y, z, size) = match kind {
+            FrameKind::Edge => {
+                let height = cross(first, normal);
+                let size = (first_length + dot(height, e2).abs()) * half;
+                (first, normal, height, size)
+            }
+            FrameKind::Area | FrameKind::World => {
+                (first, cross(normal, first), normal, (double_area * half).sqrt())
+            }
+        };
+        let size = size * unit;
+        let frame = Self { x: scale(x, size), y: scale(y, size), z: scale(z, size), origin };
+        (size > R::ZERO && size.is_finite()).then_some(frame)
+    }
+
+    /// A local point in the world.
+    #[inline]
+    pub fn point(&self, local: [R; 3]) -> [R; 3] {
+        add(self.direction(local), self.origin)
+    }
+
+    /// A local direction in the world.
+    #[inline]
+    pub fn direction(&self, [x, y, z]: [R; 3]) -> [R; 3] {
+        add(add(scale(self.x, x), scale(self.y, y)), scale(self.z, z))
+    }
+
+    /// The triangle's normal, not of unit length.
+    #[inline]
+    pub fn normal(&self, kind: FrameKind) -> [R; 3] {
+        match kind {
+            FrameKind::Edge => self.y,
+            FrameKind::Area | FrameKind::World => self.z,
+        }
+    }
+
+    /// Whether the triangle's front looks at `eye`.
+    #[inline]
+    pub fn faces(&self, kind: FrameKind, eye: [R; 3]) -> bool {
+        dot(self.normal(kind), sub(eye, self.origin)) > R::ZERO
+    }
+}
+
+/// Greatest absolute component; infinite or NaN if any is.
+fn greatest<R: Real>([x, y, z]: [R; 3]) -> R {
+    let sum = x + y + z;
+    if !sum.is_finite() {
+        return sum;
+    }
+    x.abs().at_least(y.abs()).at_least(z.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: [[f64; 3]; 3] = [[0.1, 0.2, 0.3], [1.0, 0.4, -0.2], [0.3, 1.5, 0.6]];
+
+    #[test]
+    fn axes_are_orthogonal_right_handed_and_as_long_as_the_size() {
+        for kind in [FrameKind::Area, FrameKind::Edge] {
+            let f = Frame::of_triangle(kind, TRIANGLE).unwrap();
+            let size = dot(f.x, f.x).sqrt();
+            assert!((dot(f.y, f.y).sqrt() - size).abs() < 1e-12);
+            assert!(dot(f.x, f.y).abs() + dot(f.y, f.z).abs() + dot(f.z, f.x).abs() < 1e-12);
+            let volume = dot(cross(f.x, f.y), f.z);
+            assert!((volume - size * size * size).abs() < 1e-12, "{kind:?} {volume}");
+        }
+    }
+
+    #[test]
+    fn size_of_the_area_frame_is_the_root_of_the_area() {
+        let f = Frame::of_triangle(FrameKind::Area, TRIANGLE).unwrap();
+        let [a, b, c] = TRIANGLE;
+        let n = cross(sub(b, a), sub(c, a));
+        assert!((dot(f.x, f.x) - dot(n, n).sqrt() / 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn any_size_from_1e_30_to_1e_15_m_has_a_frame() {
+        for exponent in -30..=15 {
+            let size = 10f32.powi(exponent);
+            let corners = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [0.0, size, 0.0]];
+            let f = Frame::of_triangle(FrameKind::Area, corners).expect("a frame");
+            let root = libm::sqrtf(0.5) * size;
+            assert!((f.z[2] / root - 1.0).abs() < 1e-6, "{size:e}: {:?}", f.z);
+        }
+    }
+
+    #[test]
+    fn degenerate_and_infinite_triangles_have_none() {
+        let p = [1.0f32, 2.0, 3.0];
+        let bad = [
+            [p, p, p],
+            [p, p, [2.0, 2.0, 3.0]],
+            [[0.0; 3], [1.0; 3], [2.0; 3]],
+            [[f32::NAN, 0.0, 0.0], p, [0.0; 3]],
+            [p, [f32::INFINITY, 0.0, 0.0], [0.0; 3]],
+            [[3e38, 0.0, 0.0], [-3e38, 0.0, 0.0], [0.0, 3e38, 0.0]],
+        ];
+        for triangle in bad {
+            assert_eq!(Frame::of_triangle(FrameKind::Area, triangle), None, "{triangle:?}");
+        }
+    }
+
+    #[test]
+    fn a_flipped_triangle_looks_the_other_way() {
+        let [a, b, c] = TRIANGLE;
+        let eye = [0.0, 0.0, 9.0];
+        let seen = |corners| {
+            Frame::of_triangle(FrameKind::Area, corners).unwrap().faces(FrameKind::Area, eye)
+        };
+        assert!(seen([a, b, c]) != seen([a, c, b]));
+    }
+}

@@ -1,0 +1,50 @@
+//! A Gaussian on a posed frame: its centre and axes in the world.
+
+use crate::frame::Frame;
+use crate::math::{Real, rotation_rows, scale};
+
+/// A Gaussian in the world with `N` axes: Σ = a₀a₀ᵀ + … (3×3). Two axes make a flat disc.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipsoid<R, const N: usize> {
+    /// Centre, metres.
+    pub center: [R; 3],
+    /// Orthogonal; their lengths are the standard deviations, metres.
+    pub axes: [[R; 3]; N],
+}
+
+/// X' = size · R · X + T, with axes σ₀(cos θ, sin θ, 0) and σ₁(−sin θ, cos θ, 0) in the frame.
+#[inline]
+pub fn disc_on<R: Real>(
+    frame: &Frame<R>,
+    position: [R; 3],
+    angle: R,
+    log2_scale: [R; 2],
+) -> Ellipsoid<R, 2> {
+    let (sin, cos) = angle.sin_cos();
+    let [first, second] = log2_scale.map(R::exp2);
+    Ellipsoid {
+        center: frame.point(position),
+        axes: [
+            frame.direction([cos * first, sin * first, R::ZERO]),
+            frame.direction([-(sin * second), cos * second, R::ZERO]),
+        ],
+    }
+}
+
+/// X' = size · R · X + T, with axes σᵢ · rotation · eᵢ in the frame.
+#[inline]
+pub fn full_on<R: Real>(
+    frame: &Frame<R>,
+    position: [R; 3],
+    rotation: [R; 4],
+    log2_scale: [R; 3],
+) -> Ellipsoid<R, 3> {
+    let rows = rotation_rows(rotation);
+    Ellipsoid {
+        center: frame.point(position),
+        axes: core::array::from_fn(|i| {
+            let column = [rows[0][i], rows[1][i], rows[2][i]];
+            frame.direction(scale(column, log2_scale[i].exp2()))
+        }),
+    }
+}

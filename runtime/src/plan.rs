@@ -1,0 +1,113 @@
+//! What a frame draws: a prefix of each region's nested order, under a budget.
+
+use dermis_format::header::MAX_REGIONS;
+use dermis_format::{Avatar, ScaleLaw};
+
+/// How much of one region is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RegionPlan {
+    /// Gaussians: the first `count` of the region's order.
+    pub count: u32,
+    /// The last layer that is drawn whole; −1: none.
+    pub level: i32,
+    /// Share of the next layer that is drawn, in [0, 1).
+    pub fraction: f32,
+    /// Added to log₂ of every scale: ½ log₂(N / k) or 0.
+    pub log2_scale: f32,
+}
+
+/// The result of level-of-detail selection for one avatar.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    regions: heapless::Vec<RegionPlan, MAX_REGIONS>,
+}
+
+impl Plan {
+    /// The greatest plan of at most `budget` Gaussians: every region gets the same share of its
+    /// order, rounded down, and what is left goes to the first regions that can take one more.
+    pub fn with_budget(avatar: &Avatar<'_>, budget: u32) -> Self {
+        let total = u64::from(avatar.header().gaussians);
+        let budget = u64::from(budget).min(total);
+        let share = |len: u32| (u64::from(len) * budget).checked_div(total).unwrap_or(0) as u32;
+        let lens = || (0..usize::from(avatar.header().regions)).map(|r| avatar.region_len(r));
+        let mut left = budget - lens().map(|len| u64::from(share(len))).sum::<u64>();
+        let counts = lens().map(|len| {
+            let extra = u32::from(left > 0 && share(len) < len);
+            left -= u64::from(extra);
+            share(len) + extra
+        });
+        Self::of_counts(avatar, counts)
+    }
+
+    /// Level λ of every region: layers 0..=⌊λ⌋ whole, and that share of the next one.
+    pub fn at_level(avatar: &Avatar<'_>, level: f32) -> Self {
+        let layers = usize::from(avatar.header().layers);
+        let counts = (0..usize::from(avatar.header().regions)).map(|region| {
+            let mut count = 0;
+            for layer in 0..layers {
+                // At λ = i + t layer i + 1 has share t, earlier ones are whole.
+                let share = (level - layer as f32 + 1.0).clamp(0.0, 1.0);
+                count += (avatar.layer_len(region, layer) as f32 * share) as u32;
+            }
+            count
+        });
+        Self::of_counts(avatar, counts)
+    }
+
+    /// The first `counts` Gaussians of each region; no more than it has.
+    pub fn of_counts(avatar: &Avatar<'_>, counts: impl Iterator<Item = u32>) -> Self {
+        let regions = (0..usize::from(avatar.header().regions)).zip(counts);
+        Self {
+            regions: regions
+                .map(|(region, count)| RegionPlan::new(avatar, region, count))
+                .collect(),
+        }
+    }
+
+    /// Gaussians of all regions.
+    pub fn gaussians(&self) -> u32 {
+        self.regions.iter().map(|region| region.count).sum()
+    }
+
+    /// Level λ of the plan: the mean over regions, weighted by their Gaussians.
+    pub fn level(&self, avatar: &Avatar<'_>) -> f32 {
+        let weights = (0..self.regions.len()).map(|region| avatar.region_len(region) as f32);
+        let (sum, weight) =
+            self.regions.iter().zip(weights).fold((0.0, 0.0), |(sum, all), (region, weight)| {
+                (sum + weight * (region.level as f32 + region.fraction), all + weight)
+            });
+        if weight > 0.0 { sum / weight } else { -1.0 }
+    }
+
+    /// Each region's share.
+    pub fn regions(&self) -> &[RegionPlan] {
+        &self.regions
+    }
+}
+
+impl RegionPlan {
+    fn new(avatar: &Avatar<'_>, region: usize, count: u32) -> Self {
+        let len = avatar.region_len(region);
+        let count = count.min(len);
+        let mut plan = Self { count, level: -1, fraction: 0.0, log2_scale: 0.0 };
+        let mut before = 0;
+        for layer in 0..usize::from(avatar.header().layers) {
+            let layer_len = avatar.layer_len(region, layer);
+            if count < before + layer_len {
+                plan.fraction = (count - before) as f32 / layer_len as f32;
+                break;
+            }
+            before += layer_len;
+            plan.level = layer as i32;
+        }
+        if avatar.header().scale_law == ScaleLaw::SquareRoot {
+            plan.log2_scale = prefix_log2_scale(count, len);
+        }
+        plan
+    }
+}
+
+/// log₂ of √(N / k), by which a prefix of k out of N widens its Gaussians; 0 for an empty one.
+pub fn prefix_log2_scale(count: u32, len: u32) -> f32 {
+    if count == 0 || count >= len { 0.0 } else { 0.5 * libm::log2f(len as f32 / count as f32) }
+}

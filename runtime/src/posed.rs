@@ -1,0 +1,137 @@
+//! A posed avatar: vertices in the world, and a frame for each triangle.
+
+use bytemuck::{Pod, Zeroable};
+use dermis_format::{Avatar, FrameKind};
+
+use crate::error::Error;
+use crate::frame::Frame;
+use crate::math::{Affine, transform};
+use crate::pose::{self, Pose};
+use crate::scratch::{Scratch, words};
+
+/// An avatar in a pose. Made once for all cameras.
+#[derive(Debug)]
+pub struct Posed<'s, 'a> {
+    avatar: &'s Avatar<'a>,
+    vertices: &'s [[f32; 3]],
+    frames: &'s [StoredFrame],
+}
+
+/// A frame in scratch: its axes and origin, all zero where the triangle has none.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(transparent)]
+struct StoredFrame([[f32; 3]; 4]);
+
+impl<'s, 'a> Posed<'s, 'a> {
+    /// Words of scratch that posing this avatar takes.
+    pub fn scratch_len(avatar: &Avatar<'_>) -> usize {
+        let header = avatar.header();
+        words::<Affine>(usize::from(header.joints))
+            + words::<Affine>(usize::from(header.binds))
+            + words::<f32>(usize::from(header.morph_targets))
+            + words::<[f32; 3]>(header.vertices as usize)
+            + words::<StoredFrame>(header.triangles as usize)
+    }
+
+    /// Skins the vertices (morph targets, then linear blend skinning) and frames the triangles.
+    /// A vertex that is not finite takes its triangles out of the picture, nothing else.
+    pub fn new(
+        avatar: &'s Avatar<'a>,
+        pose: &Pose<'_>,
+        scratch: &'s mut [u32],
+    ) -> Result<Self, Error> {
+        let header = avatar.header();
+        let mut scratch = Scratch::new(scratch);
+        let joints = scratch.take(usize::from(header.joints))?;
+        let matrices = scratch.take(usize::from(header.binds))?;
+        let weights = scratch.take(usize::from(header.morph_targets))?;
+        let vertices = scratch.take(header.vertices as usize)?;
+        let frames = scratch.take(header.triangles as usize)?;
+        if let Pose::Vertices(given) = pose {
+            pose::copy("vertices", vertices, given)?;
+        } else {
+            pose::evaluate(avatar, pose, joints, matrices, weights)?;
+            skin(avatar, matrices, weights, vertices);
+        }
+        for (index, frame) in frames.iter_mut().enumerate() {
+            let corner = |i: u32| vertices.get(i as usize).copied().unwrap_or([0.0; 3]);
+            *frame = StoredFrame::of(Frame::of_triangle(
+                header.frame,
+                avatar.triangle(index).map(corner),
+            ));
+        }
+        Ok(Self { avatar, vertices, frames })
+    }
+
+    /// The avatar.
+    pub fn avatar(&self) -> &'s Avatar<'a> {
+        self.avatar
+    }
+
+    /// Vertices in the world, metres.
+    pub fn vertices(&self) -> &'s [[f32; 3]] {
+        self.vertices
+    }
+
+    /// Frame of a triangle; `None` where it has none.
+    #[inline]
+    pub fn frame(&self, triangle: u32) -> Option<Frame<f32>> {
+        self.frames.get(triangle as usize).and_then(|frame| frame.get())
+    }
+
+    /// Whether what stands on a triangle can be seen from `eye`: its front faces it, or its back is shown, too.
+    #[inline]
+    pub fn shows(&self, triangle: u32, frame: &Frame<f32>, eye: [f32; 3]) -> bool {
+        frame.faces(self.kind(), eye) || self.avatar.is_two_sided(triangle as usize)
+    }
+
+    fn kind(&self) -> FrameKind {
+        self.avatar.header().frame
+    }
+}
+
+impl StoredFrame {
+    fn of(frame: Option<Frame<f32>>) -> Self {
+        frame.map_or(Self::zeroed(), |f| Self([f.x, f.y, f.z, f.origin]))
+    }
+
+    #[inline]
+    fn get(&self) -> Option<Frame<f32>> {
+        let [x, y, z, origin] = self.0;
+        (x != [0.0; 3]).then_some(Frame { x, y, z, origin })
+    }
+}
+
+/// v' = Σ wᵢ Mᵢ (v + Σ wₜ dₜ).
+fn skin(avatar: &Avatar<'_>, matrices: &[Affine], weights: &[f32], vertices: &mut [[f32; 3]]) {
+    for (index, vertex) in vertices.iter_mut().enumerate() {
+        *vertex = avatar.vertex_position(index);
+    }
+    for (target, &weight) in avatar.morph_targets().zip(weights) {
+        if weight == 0.0 {
+            continue;
+        }
+        let factor = weight * target.step;
+        for (moved, delta) in target.vertices.iter().zip(target.deltas) {
+            if let Some(vertex) = vertices.get_mut(moved as usize) {
+                for (x, code) in vertex.iter_mut().zip(delta) {
+                    *x += factor * f32::from(code.get());
+                }
+            }
+        }
+    }
+    if matrices.is_empty() {
+        return;
+    }
+    for (index, vertex) in vertices.iter_mut().enumerate() {
+        let mut sum = [0.0; 3];
+        for (bind, weight) in avatar.influences(index) {
+            if let (1.., Some(matrix)) = (weight, matrices.get(bind as usize)) {
+                let weight = f32::from(weight) * (1.0 / 255.0);
+                let moved = transform(matrix, *vertex);
+                sum.iter_mut().zip(moved).for_each(|(sum, x)| *sum += weight * x);
+            }
+        }
+        *vertex = sum;
+    }
+}

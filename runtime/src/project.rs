@@ -1,0 +1,206 @@
+//! Projection: a Gaussian in the world becomes a splat on the screen (EWA, as 3D Gaussian Splatting).
+
+use bytemuck::{Pod, Zeroable};
+use dermis_format::LowPass;
+
+use crate::camera::Camera;
+use crate::gaussian::Ellipsoid;
+use crate::math::{Real, dot};
+
+/// Gaussians whose centre is nearer than this are not drawn, metres.
+pub const NEAR: f32 = 0.01;
+/// Variance added to every splat along both axes, px².
+pub const LOW_PASS: f32 = 0.3;
+/// The Jacobian is taken no further out than this many times the half width of the view.
+pub const JACOBIAN_LIMIT: f32 = 1.3;
+/// log₂ of the least alpha that touches a pixel, 1/255.
+pub const LEAST_LOG2_ALPHA: f32 = -7.994_353;
+/// log₂(e) / 2: a Gaussian's exponent −q/2 in powers of two.
+const HALF_LOG2_E: f32 = 0.721_347_5;
+
+/// A camera in the numbers that projection needs.
+#[derive(Clone, Copy, Debug)]
+pub struct View<R> {
+    /// Rows of world → camera.
+    rows: [[R; 4]; 3],
+    /// Centre of projection, world axes.
+    pub eye: [R; 3],
+    focal: [R; 2],
+    center: [R; 2],
+    /// Greatest |x / z| and |y / z| of the Jacobian.
+    limit: [R; 2],
+}
+
+impl<R: Real> View<R> {
+    /// Of a camera.
+    pub fn new(camera: &Camera) -> Self {
+        let half = |pixels: u32, focal: f32| {
+            R::of(JACOBIAN_LIMIT) * R::of(pixels as f32) / (R::of(2.0) * R::of(focal))
+        };
+        Self {
+            rows: camera.world_to_camera.map(|row| row.map(R::of)),
+            eye: camera.position(),
+            focal: [R::of(camera.fx), R::of(camera.fy)],
+            center: [R::of(camera.cx), R::of(camera.cy)],
+            limit: [half(camera.width, camera.fx), half(camera.height, camera.fy)],
+        }
+    }
+
+    /// A world point in camera axes.
+    pub fn point(&self, p: [R; 3]) -> [R; 3] {
+        self.rows.map(|[x, y, z, t]| dot([x, y, z], p) + t)
+    }
+
+    /// A world direction in camera axes.
+    pub fn direction(&self, d: [R; 3]) -> [R; 3] {
+        self.rows.map(|[x, y, z, _]| dot([x, y, z], d))
+    }
+
+    /// Rows of world → camera.
+    pub fn rows(&self) -> &[[R; 4]; 3] {
+        &self.rows
+    }
+
+    /// Focal lengths, px.
+    pub fn focal(&self) -> [R; 2] {
+        self.focal
+    }
+
+    /// Slopes x/z and y/z at which the Jacobian is taken, and whether each is clamped.
+    pub fn slopes(&self, [x, y, z]: [R; 3]) -> [(R, bool); 2] {
+        let clamp = |slope: R, limit: R| {
+            if slope > limit {
+                (limit, true)
+            } else if slope < -limit {
+                (-limit, true)
+            } else {
+                (slope, false)
+            }
+        };
+        [clamp(x / z, self.limit[0]), clamp(y / z, self.limit[1])]
+    }
+}
+
+/// A splat before it is packed: screen space, px.
+#[derive(Clone, Copy, Debug)]
+pub struct Projected<R> {
+    /// Centre, px.
+    pub mean: [R; 2],
+    /// Variances xx, xy, yy after the low-pass, px².
+    pub covariance: [R; 3],
+    /// Inverse of `covariance`, xx, xy, yy, px⁻².
+    pub conic: [R; 3],
+    /// What the low-pass leaves of opacity: √(det Σ / det(Σ + 0.3 I)), or 1 (classic).
+    pub compensation: R,
+    /// z of the centre in camera axes, metres.
+    pub depth: R,
+}
+
+/// Projects a Gaussian. `None` if its centre is nearer than [`NEAR`] or a number is not finite.
+///
+/// With bᵢ = J W aᵢ (2-vectors) Σ' = Σ bᵢbᵢᵀ and, by Cauchy and Binet, det Σ' = Σ (bᵢ × bⱼ)² over
+/// pairs, a sum of squares: no cancellation, however thin the Gaussian. So is
+/// det(Σ' + h I) = det Σ' + h tr Σ' + h².
+pub fn project<R: Real, const N: usize>(
+    view: &View<R>,
+    low_pass: LowPass,
+    gaussian: &Ellipsoid<R, N>,
+) -> Option<Projected<R>> {
+    let p @ [x, y, z] = view.point(gaussian.center);
+    if !(z >= R::of(NEAR)) {
+        return None;
+    }
+    let [(sx, _), (sy, _)] = view.slopes(p);
+    let (jx, jy) = (view.focal[0] / z, view.focal[1] / z);
+    let b: [[R; 2]; N] = gaussian.axes.map(|axis| {
+        let [ax, ay, az] = view.direction(axis);
+        [jx * (ax - sx * az), jy * (ay - sy * az)]
+    });
+    let (mut xx, mut xy, mut yy, mut det) = (R::ZERO, R::ZERO, R::ZERO, R::ZERO);
+    for (i, &[u, v]) in b.iter().enumerate() {
+        xx = xx + u * u;
+        xy = xy + u * v;
+        yy = yy + v * v;
+        for &[s, t] in b.iter().take(i) {
+            let area = u * t - v * s;
+            det = det + area * area;
+        }
+    }
+    let h = R::of(LOW_PASS);
+    let filtered = det + h * (xx + yy) + h * h;
+    let compensation = match low_pass {
+        LowPass::Compensated => (det / filtered).sqrt(),
+        LowPass::Classic => R::ONE,
+    };
+    let inverse = R::ONE / filtered;
+    let (xx, yy) = (xx + h, yy + h);
+    let mean = [view.focal[0] * (x / z) + view.center[0], view.focal[1] * (y / z) + view.center[1]];
+    let projected = Projected {
+        mean,
+        covariance: [xx, xy, yy],
+        conic: [yy * inverse, -(xy * inverse), xx * inverse],
+        compensation,
+        depth: z,
+    };
+    let sum = mean[0] + mean[1] + xx + yy + filtered + z;
+    (sum.is_finite() && inverse > R::ZERO).then_some(projected)
+}
+
+/// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha
+/// 2^(log2_opacity − (a dx² + b dx dy + c dy²)).
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Splat {
+    /// Centre, px.
+    pub mean: [f32; 2],
+    /// a, b, c: conic xx, 2 xy, yy times log₂(e) / 2, px⁻².
+    pub falloff: [f32; 3],
+    /// log₂ of opacity after compensation; at least [`LEAST_LOG2_ALPHA`], may reach 0.
+    pub log2_opacity: f32,
+    /// Display-referred sRGB, not below 0.
+    pub color: [f32; 3],
+    /// z in camera axes, metres; above 0.
+    pub depth: f32,
+    /// Pixels that it may touch: first column and row, then one past the last ones.
+    pub bounds: [u16; 4],
+}
+
+impl Splat {
+    /// Packs a projected Gaussian; `None` if it touches no pixel of a `width × height` frame.
+    pub fn pack(
+        p: &Projected<f32>,
+        opacity: f32,
+        color: [f32; 3],
+        width: u32,
+        height: u32,
+    ) -> Option<Self> {
+        let log2_opacity = (opacity * p.compensation).log2();
+        let reach = log2_opacity - LEAST_LOG2_ALPHA;
+        if !(reach >= 0.0) {
+            return None;
+        }
+        // α ≥ 1/255 where q/2 · log₂ e ≤ reach. A little more, so that rounding loses no pixel.
+        let radius2 = reach / HALF_LOG2_E;
+        let half = |variance: f32| (radius2 * variance).sqrt() * 1.0001 + 0.01;
+        let (x0, x1) = pixels(p.mean[0], half(p.covariance[0]), width);
+        let (y0, y1) = pixels(p.mean[1], half(p.covariance[2]), height);
+        if x0 >= x1 || y0 >= y1 {
+            return None;
+        }
+        let [xx, xy, yy] = p.conic;
+        Some(Self {
+            mean: p.mean,
+            falloff: [xx * HALF_LOG2_E, xy * (2.0 * HALF_LOG2_E), yy * HALF_LOG2_E],
+            log2_opacity,
+            color,
+            depth: p.depth,
+            bounds: [x0, y0, x1, y1],
+        })
+    }
+}
+
+/// First pixel whose centre is within `half` of `mean`, and one past the last, within 0..len.
+fn pixels(mean: f32, half: f32, len: u32) -> (u16, u16) {
+    let clamp = |x: f32| x.at_least(0.0).at_most(len as f32) as u16;
+    (clamp(libm::ceilf(mean - half - 0.5)), clamp(libm::floorf(mean + half + 0.5)))
+}
