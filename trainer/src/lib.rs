@@ -1,3 +1,4 @@
 //! Placeholder tour.
+pub mod metrics;
 pub mod model;
 pub mod picture;
