@@ -29,7 +29,7 @@ const BAND: usize = 8;
 
 /// Buffers that [`SsimWorkspace::ssim_with_gradient`] uses again at each call.
 ///
-/// A row holds the three channels one after the other, each followed by [`RADIUS`] zeros, and
+/// A row holds the three channels one after the other, each followed by 5 zeros, and
 /// starts with as many: one pass over a row filters all three, and the zeros keep them apart.
 #[derive(Clone, Debug, Default)]
 pub struct SsimWorkspace {
