@@ -1,3 +1,5 @@
 //! Placeholder tour.
+pub mod demo;
+pub mod metrics;
 pub mod model;
 pub mod picture;
