@@ -1,3 +1,4 @@
 //! Placeholder tour.
 pub mod model;
 pub mod picture;
+pub mod scene;
