@@ -72,9 +72,7 @@ pub fn render_views<R: Send>(
     views
         .par_iter()
         .enumerate()
-        .map(|(i, view)| {
-            finish(i, render(painter, view.posed, &view.camera, background, samples))
-        })
+        .map(|(i, view)| finish(i, render(painter, view.posed, &view.camera, background, samples)))
         .collect()
 }
 
@@ -227,8 +225,8 @@ impl Band<'_> {
         let triangle = facet.triangle as usize;
         let at = self.position(column, row);
         let side = f64::from(self.samples).recip();
-        let footprint = facet.footprint(self.painter.uvs(triangle), at, side);
-        let coverage = self.painter.coverage(triangle, facet.barycentrics(at), &footprint);
+        let (weights, footprint) = facet.patch(self.painter.uvs(triangle), at, side);
+        let coverage = self.painter.coverage(triangle, weights, &footprint);
         let model = self.painter.model();
         let material = model.triangles[triangle].material as usize;
         match model.materials[material].alpha {
@@ -289,9 +287,8 @@ impl Band<'_> {
                 let [x, y] = fragment.sum.map(|sum| f64::from(sum) / f64::from(fragment.count));
                 let at = DVec2::new(x + 0.5, y + 0.5) / f64::from(self.samples)
                     + DVec2::new(0.0, f64::from(self.first_row));
-                let footprint = facet.footprint(self.painter.uvs(triangle), at, share);
-                let barycentrics = facet.barycentrics(at);
-                let (shade, _) = self.painter.surface_color(triangle, barycentrics, &footprint);
+                let (weights, footprint) = facet.patch(self.painter.uvs(triangle), at, share);
+                let (shade, _) = self.painter.surface_color(triangle, weights, &footprint);
                 color += fragment.count as f32 * Vec3::from_array(shade);
                 covered += fragment.count;
                 let sides = if facet.back {

@@ -37,29 +37,23 @@ impl Facet {
         self.inverse_depth.dot(at.extend(1.0)).clamp(self.range[0], self.range[1])
     }
 
-    /// Weights of the corners at pixel position `at`; at least 0, adding up to 1.
-    pub(super) fn barycentrics(&self, at: DVec2) -> Vec3 {
-        let at = at.extend(1.0);
-        let weights = DVec3::from_array(self.planes.map(|plane| plane.dot(at))).max(DVec3::ZERO);
+    /// What a square of `side` pixels around pixel position `at` shows: the weights of the corners
+    /// in its middle (at least 0, adding up to 1), and its extent in the texture.
+    pub(super) fn patch(&self, uvs: [Vec2; 3], at: DVec2, side: f64) -> (Vec3, Footprint) {
+        let ray = at.extend(1.0);
+        let weights = DVec3::from_array(self.planes.map(|plane| plane.dot(ray))).max(DVec3::ZERO);
         let sum = weights.element_sum();
-        if sum > 0.0 { (weights / sum).as_vec3() } else { Vec3::splat(1.0 / 3.0) }
-    }
-
-    /// What a square of `side` pixels around `at` covers of a texture.
-    pub(super) fn footprint(&self, uvs: [Vec2; 3], at: DVec2, side: f64) -> Footprint {
-        // uv = Σ uvᵢ · planeᵢ / Σ planeᵢ, differentiated.
-        let depth = self.inverse_depth(at).recip();
-        let weights = self.barycentrics(at);
-        let derivative = |of: fn(DVec3) -> f64| {
-            let sum = of(self.inverse_depth);
-            let mut uv = DVec2::ZERO;
-            for i in 0..3 {
-                let weight = f64::from(weights[i]);
-                uv += (of(self.planes[i]) - weight * sum) * depth * uvs[i].as_dvec2();
-            }
-            (side * uv).as_vec2()
-        };
-        Footprint { along: derivative(|plane| plane.x), across: derivative(|plane| plane.y) }
+        let weights = if sum > 0.0 { weights / sum } else { DVec3::splat(1.0 / 3.0) };
+        // uv = Σ uvᵢ · planeᵢ / Σ planeᵢ, differentiated along x and along y.
+        let scale = side / self.inverse_depth(at);
+        let (mut along, mut across) = (DVec2::ZERO, DVec2::ZERO);
+        for i in 0..3 {
+            let slope = scale * (self.planes[i] - weights[i] * self.inverse_depth);
+            along += slope.x * uvs[i].as_dvec2();
+            across += slope.y * uvs[i].as_dvec2();
+        }
+        let footprint = Footprint { along: along.as_vec2(), across: across.as_vec2() };
+        (weights.as_vec3(), footprint)
     }
 }
 
@@ -268,11 +262,8 @@ fn cut(outline: &[DVec3], distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
         }
         if (from_a >= 0.0) != (from_b >= 0.0) {
             // From the inner end always, so that neighbours cut their edge at the same point.
-            let (inner, outer, from_inner, from_outer) = if from_a >= 0.0 {
-                (a, b, from_a, from_b)
-            } else {
-                (b, a, from_b, from_a)
-            };
+            let (inner, outer, from_inner, from_outer) =
+                if from_a >= 0.0 { (a, b, from_a, from_b) } else { (b, a, from_b, from_a) };
             kept.push(inner + (outer - inner) * (from_inner / (from_inner - from_outer)));
         }
     }

@@ -124,8 +124,7 @@ pub fn training_directions() -> [Vec3; 42] {
 /// Directions from the avatar to the cameras of novel views, unit: those of training turned so
 /// that each is at least 10.87° from every direction of training, the most there can be.
 pub fn novel_directions() -> [Vec3; 42] {
-    let turn =
-        Quat::from_axis_angle(Vec3::ONE.normalize(), NOVEL_TURN_DEGREES.to_radians());
+    let turn = Quat::from_axis_angle(Vec3::ONE.normalize(), NOVEL_TURN_DEGREES.to_radians());
     training_directions().map(|direction| turn * direction)
 }
 

@@ -85,9 +85,7 @@ impl<'m> Painter<'m> {
 
     /// Texture coordinates of the triangle's corners.
     pub fn uvs(&self, triangle: usize) -> [Vec2; 3] {
-        self.model.triangles[triangle]
-            .corners
-            .map(|corner| self.model.vertices[corner as usize].uv)
+        self.model.triangles[triangle].corners.map(|corner| self.model.vertices[corner as usize].uv)
     }
 
     /// Whether no part of the triangle lets anything through, so that alpha need not be looked up.

@@ -9,6 +9,9 @@ use crate::model::{Texture, Wrap};
 /// across it: triangles more than this many times shorter in view than they are deep.
 const MAX_TAPS: f32 = 8.0;
 
+/// A texel's 1.
+const FULL: f32 = u16::MAX as f32;
+
 /// The part of a texture that one sample averages: a parallelogram around a point, spanned by
 /// two displacements in uv units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,19 +26,21 @@ impl Footprint {
     /// No area: a magnified sample.
     pub const POINT: Self = Self { along: Vec2::ZERO, across: Vec2::ZERO };
 
+    /// Its sides, for an image of `size` texels, in texels.
+    fn sides(&self, size: Vec2) -> [Vec2; 2] {
+        [self.along * size, self.across * size]
+    }
+
     /// The rectangle with the same second moments, for an image of `size` texels: its long side,
     /// and the length of its short one, in texels.
     fn axes(&self, size: Vec2) -> (Vec2, f32) {
-        let (s, t) = (self.along * size, self.across * size);
+        let [s, t] = self.sides(size);
         // Eigenvalues and the larger one's vector of s·sᵀ + t·tᵀ = [[a, b], [b, c]].
         let (a, b, c) = (s.x * s.x + t.x * t.x, s.x * s.y + t.x * t.y, s.y * s.y + t.y * t.y);
         let (mean, half) = (0.5 * (a + c), 0.5 * (a - c));
-        let radius = half.hypot(b);
-        let vector = if half > 0.0 {
-            Vec2::new(half + radius, b)
-        } else {
-            Vec2::new(b, radius - half)
-        };
+        let radius = (half * half + b * b).sqrt();
+        let vector =
+            if half > 0.0 { Vec2::new(half + radius, b) } else { Vec2::new(b, radius - half) };
         let long = vector.normalize_or(Vec2::X) * (mean + radius).sqrt();
         (long, (mean - radius).max(0.0).sqrt())
     }
@@ -91,13 +96,18 @@ impl MipChain {
             return Vec4::ONE;
         }
         let size = Vec2::new(first.width as f32, first.height as f32);
+        let [s, t] = footprint.sides(size);
+        if s.length_squared() + t.length_squared() <= 1.0 {
+            // No axis is longer than a texel: what follows would come to the same.
+            return straight(self.sample_level(uv, 0.0));
+        }
         let (long, short) = footprint.axes(size);
         let length = long.length();
         if !length.is_finite() {
             return straight(self.sample_level(uv, f32::MAX));
         }
         // A texel is the least that is averaged, so a magnified sample is one tap.
-        let taps = (length / short.max(1.0)).round().clamp(1.0, MAX_TAPS);
+        let taps = floor((length / short.max(1.0) + 0.5).clamp(1.0, MAX_TAPS));
         let level = (length / taps).max(short).log2();
         if taps == 1.0 {
             return straight(self.sample_level(uv, level));
@@ -111,7 +121,7 @@ impl MipChain {
         straight(sum / taps)
     }
 
-    /// Premultiplied sample between two images of the chain; `level` is log₂ of texels.
+    /// As [`Level::premultiplied`], between two images of the chain; `level` is log₂ of texels.
     fn sample_level(&self, uv: Vec2, level: f32) -> Vec4 {
         if level <= 0.0 {
             return if self.nearest {
@@ -127,7 +137,7 @@ impl MipChain {
         if share == 0.0 || fine == last {
             return sample;
         }
-        sample.lerp(self.levels[fine + 1].bilinear(uv, self.wrap), share)
+        mix(sample, self.levels[fine + 1].bilinear(uv, self.wrap), share)
     }
 }
 
@@ -151,51 +161,53 @@ impl Level {
                         plain += weight * self.stored(x, y);
                     }
                 }
-                let alpha = premultiplied.w;
                 // Where nothing is seen any colour would do; the plain mean is the tamest.
-                let mean = if alpha > 0.0 { premultiplied / alpha } else { plain };
-                texels.push(
-                    mean.with_w(alpha)
-                        .to_array()
-                        .map(|value| (value * f32::from(u16::MAX)).round() as u16),
-                );
+                let mean =
+                    if premultiplied.w > 0.0 { FULL * straight(premultiplied) } else { plain };
+                texels.push(mean.to_array().map(|value| value.round() as u16));
             }
         }
         Some(Self { width, height, texels })
     }
 
-    /// Straight RGBA in [0, 1].
+    /// Straight RGBA; 65535 is 1.
     fn stored(&self, x: u32, y: u32) -> Vec4 {
         let texel = self.texels[y as usize * self.width as usize + x as usize];
-        Vec4::from_array(texel.map(f32::from)) / f32::from(u16::MAX)
+        Vec4::from_array(texel.map(f32::from))
     }
 
-    /// RGB times alpha, and alpha.
+    /// RGB times alpha, and alpha; 65535 is 1.
     fn premultiplied(&self, x: u32, y: u32) -> Vec4 {
         let texel = self.stored(x, y);
-        // Exact for alpha 1: x · 1 = x.
-        (texel * texel.w).with_w(texel.w)
+        if texel.w == FULL { texel } else { (texel * (texel.w / FULL)).with_w(texel.w) }
     }
 
+    /// As [`Self::premultiplied`], of the texel that `uv` is in.
     fn nearest(&self, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
         let x = wrap_coordinate(uv.x, wrap[0]) * self.width as f32;
         let y = wrap_coordinate(uv.y, wrap[1]) * self.height as f32;
         self.premultiplied(
-            wrap_index(x.floor() as i64, self.width, wrap[0]),
-            wrap_index(y.floor() as i64, self.height, wrap[1]),
+            wrap_index(x as i32, self.width, wrap[0]),
+            wrap_index(y as i32, self.height, wrap[1]),
         )
     }
 
+    /// As [`Self::premultiplied`], between the four texels around `uv`.
     fn bilinear(&self, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
         let x = wrap_coordinate(uv.x, wrap[0]) * self.width as f32 - 0.5;
         let y = wrap_coordinate(uv.y, wrap[1]) * self.height as f32 - 0.5;
-        let (left, top) = (x.floor(), y.floor());
-        let [x0, x1] = [0, 1].map(|i| wrap_index(left as i64 + i, self.width, wrap[0]));
-        let [y0, y1] = [0, 1].map(|i| wrap_index(top as i64 + i, self.height, wrap[1]));
-        let upper = self.premultiplied(x0, y0).lerp(self.premultiplied(x1, y0), x - left);
-        let lower = self.premultiplied(x0, y1).lerp(self.premultiplied(x1, y1), x - left);
-        upper.lerp(lower, y - top)
+        let (left, top) = (floor(x), floor(y));
+        let [x0, x1] = [0, 1].map(|i| wrap_index(left as i32 + i, self.width, wrap[0]));
+        let [y0, y1] = [0, 1].map(|i| wrap_index(top as i32 + i, self.height, wrap[1]));
+        let upper = mix(self.premultiplied(x0, y0), self.premultiplied(x1, y0), x - left);
+        let lower = mix(self.premultiplied(x0, y1), self.premultiplied(x1, y1), x - left);
+        mix(upper, lower, y - top)
     }
+}
+
+/// Between `a` and `b`; exactly `a` where they are equal.
+fn mix(a: Vec4, b: Vec4, share: f32) -> Vec4 {
+    a + share * (b - a)
 }
 
 /// For each of `to` texels, which of `from` it covers and with which share of it.
@@ -214,22 +226,39 @@ fn halving_weights(from: u32, to: u32) -> Vec<Vec<(u32, f32)>> {
         .collect()
 }
 
-/// Into [0, 1], or [0, 2] for mirrored tiles, so that texel coordinates stay small.
+/// The greatest whole number not above `x`, without a call on targets that have no instruction
+/// for it: this is the innermost loop.
+fn floor(x: f32) -> f32 {
+    // From here on every number is whole.
+    if x.abs() >= 8_388_608.0 {
+        return x;
+    }
+    let truncated = x as i32 as f32;
+    if truncated > x { truncated - 1.0 } else { truncated }
+}
+
+/// Into [0, 1], or [0, 2] for mirrored tiles.
 fn wrap_coordinate(coordinate: f32, wrap: Wrap) -> f32 {
     match wrap {
-        Wrap::Repeat => coordinate - coordinate.floor(),
-        Wrap::Mirror => coordinate - 2.0 * (0.5 * coordinate).floor(),
+        Wrap::Repeat => coordinate - floor(coordinate),
+        Wrap::Mirror => coordinate - 2.0 * floor(0.5 * coordinate),
         Wrap::Clamp => coordinate.clamp(0.0, 1.0),
     }
 }
 
-/// The texel that stands for index `i` of a row of `count`.
-fn wrap_index(i: i64, count: u32, wrap: Wrap) -> u32 {
-    let count = i64::from(count);
+/// The texel that stands for index `i` of a row of `count`. A wrapped coordinate leads at most one
+/// texel outside the tile (or the pair of mirrored tiles), so one turn is enough.
+fn wrap_index(i: i32, count: u32, wrap: Wrap) -> u32 {
+    let count = count as i32;
+    let turned = |i: i32, period: i32| match i {
+        i if i < 0 => i + period,
+        i if i >= period => i - period,
+        i => i,
+    };
     let wrapped = match wrap {
-        Wrap::Repeat => i.rem_euclid(count),
+        Wrap::Repeat => turned(i, count),
         Wrap::Mirror => {
-            let i = i.rem_euclid(2 * count);
+            let i = turned(i, 2 * count);
             if i < count { i } else { 2 * count - 1 - i }
         }
         Wrap::Clamp => i.clamp(0, count - 1),
@@ -237,10 +266,9 @@ fn wrap_index(i: i64, count: u32, wrap: Wrap) -> u32 {
     wrapped as u32
 }
 
+/// From premultiplied values of which 65535 is 1 to straight ones of which 1 is.
 fn straight(premultiplied: Vec4) -> Vec4 {
     let alpha = premultiplied.w;
-    if alpha == 1.0 || alpha <= 0.0 {
-        return premultiplied;
-    }
-    (premultiplied / alpha).with_w(alpha)
+    let divisor = if alpha > 0.0 { alpha } else { FULL };
+    (premultiplied / divisor).with_w(alpha / FULL)
 }
