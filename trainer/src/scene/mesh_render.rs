@@ -129,32 +129,32 @@ pub fn render(
         painter,
         setup: &setup,
         samples,
-        stride: (camera.width * samples) as usize,
-        first_row: 0,
+        rows: 0..0,
+        columns: 0..0,
         seen: Vec::new(),
         fragments: Vec::new(),
     };
     for (i, pieces) in bands.iter().enumerate().filter(|(_, pieces)| !pieces.is_empty()) {
         let first = i as u32 * BAND_ROWS;
-        let columns = band.draw(pieces, first, (camera.height - first).min(BAND_ROWS));
-        band.resolve(columns, background, &mut truth);
+        band.draw(pieces, first..camera.height.min(first + BAND_ROWS));
+        band.resolve(background, &mut truth);
     }
     truth
 }
 
-/// A few rows of the picture while they are made.
+/// A few rows of the picture while they are made. Sub-samples are counted from its upper left.
 struct Band<'a> {
     painter: &'a Painter<'a>,
     setup: &'a Setup,
     /// Sub-samples along a pixel's side.
     samples: u32,
-    /// Sub-samples in a row.
-    stride: usize,
-    /// First row of pixels.
-    first_row: u32,
+    /// Rows of pixels.
+    rows: Range<u32>,
+    /// Columns of pixels in which anything may be seen.
+    columns: Range<u32>,
     /// (1/depth, facet) of each sub-sample, row-major.
     seen: Vec<(f32, u32)>,
-    /// Scratch of [`Self::resolve`].
+    /// Scratch of [`Self::pixel`].
     fragments: Vec<Fragment>,
 }
 
@@ -163,67 +163,71 @@ struct Fragment {
     facet: u32,
     /// Sub-samples.
     count: u32,
-    /// Sum of their positions, in sub-samples.
+    /// Sum of their (column, row) from the part's upper left.
     sum: [u32; 2],
 }
 
 impl Band<'_> {
-    /// Decides what is seen in `rows` rows of pixels from `first_row`, and says in which columns of
-    /// pixels that may be anything.
-    fn draw(&mut self, pieces: &[&Piece], first_row: u32, rows: u32) -> Range<u32> {
-        self.first_row = first_row;
+    /// Decides what is seen of `pieces` in these rows of pixels.
+    fn draw(&mut self, pieces: &[&Piece], rows: Range<u32>) {
+        let samples = i64::from(self.samples);
+        let left = pieces.iter().map(|piece| piece.columns().start).min().unwrap_or(0) / samples;
+        let right = pieces.iter().map(|piece| piece.columns().end).max().unwrap_or(0);
+        self.columns = left as u32..((right + samples - 1) / samples) as u32;
+        self.rows = rows;
+        let pixels = self.columns.len() * self.rows.len();
         self.seen.clear();
-        self.seen.resize(self.stride * (rows * self.samples) as usize, (0.0, NOTHING));
-        let first = i64::from(first_row * self.samples);
-        let end = i64::from((first_row + rows) * self.samples);
-        let (mut left, mut right) = (i64::MAX, 0);
+        self.seen.resize(pixels * (samples * samples) as usize, (0.0, NOTHING));
+
+        let [left, top] = [&self.columns, &self.rows].map(|range| i64::from(range.start) * samples);
+        let bottom = i64::from(self.rows.end) * samples;
         for piece in pieces {
-            let columns = piece.columns();
             let facet = &self.setup.facets[piece.facet as usize];
             let opaque = self.painter.is_opaque(facet.triangle as usize);
-            (left, right) = (left.min(columns.start), right.max(columns.end));
-            for row in piece.rows.start.max(first)..piece.rows.end.min(end) {
+            for row in piece.rows.start.max(top)..piece.rows.end.min(bottom) {
                 let span = piece.span(row);
                 if !span.is_empty() {
-                    self.draw_span(piece.facet, opaque, row - first, span);
+                    let span = (span.start - left) as u32..(span.end - left) as u32;
+                    self.draw_span(piece.facet, opaque, (row - top) as u32, span);
                 }
             }
         }
-        let samples = i64::from(self.samples);
-        (left / samples) as u32..((right + samples - 1) / samples) as u32
     }
 
-    /// Tests a run of covered sub-samples; `row` is counted from the band's first.
-    fn draw_span(&mut self, index: u32, opaque: bool, row: i64, span: Range<i64>) {
+    /// Tests a run of covered sub-samples.
+    fn draw_span(&mut self, index: u32, opaque: bool, row: u32, span: Range<u32>) {
         let facet = &self.setup.facets[index as usize];
-        let at = |column: usize| self.position(column, row as usize);
-        let (start, end) = (span.start as usize, span.end as usize);
-        let first = facet.inverse_depth(at(start)) as f32;
+        let depth = |column: u32| {
+            facet.inverse_depth(self.position(f64::from(column), f64::from(row))) as f32
+        };
         // The ends are kept within the triangle's depths, and so is what lies between.
-        let last = facet.inverse_depth(at(end - 1)) as f32;
-        let step = (last - first) / (end - 1 - start).max(1) as f32;
-        let base = row as usize * self.stride;
-        for (i, column) in (start..end).enumerate() {
+        let (first, last) = (depth(span.start), depth(span.end - 1));
+        let step = (last - first) / (span.len() - 1).max(1) as f32;
+        let base = self.index(span.start, row);
+        for (i, column) in span.enumerate() {
             let depth = first + i as f32 * step;
-            if depth > self.seen[base + column].0
-                && (opaque || self.covers(index, column, row as usize))
-            {
-                self.seen[base + column] = (depth, index);
+            if depth > self.seen[base + i].0 && (opaque || self.covers(index, column, row)) {
+                self.seen[base + i] = (depth, index);
             }
         }
     }
 
-    /// Pixel position of a sub-sample of this band.
-    fn position(&self, column: usize, row: usize) -> DVec2 {
-        let row = row + (self.first_row * self.samples) as usize;
-        (DVec2::new(column as f64, row as f64) + 0.5) / f64::from(self.samples)
+    /// Where a sub-sample stands in [`Self::seen`].
+    fn index(&self, column: u32, row: u32) -> usize {
+        row as usize * self.columns.len() * self.samples as usize + column as usize
+    }
+
+    /// Pixel position of a sub-sample.
+    fn position(&self, column: f64, row: f64) -> DVec2 {
+        let origin = DVec2::new(f64::from(self.columns.start), f64::from(self.rows.start));
+        origin + (DVec2::new(column, row) + 0.5) / f64::from(self.samples)
     }
 
     /// Whether the facet's alpha lets it be seen in a sub-sample.
-    fn covers(&self, index: u32, column: usize, row: usize) -> bool {
+    fn covers(&self, index: u32, column: u32, row: u32) -> bool {
         let facet = &self.setup.facets[index as usize];
         let triangle = facet.triangle as usize;
-        let at = self.position(column, row);
+        let at = self.position(f64::from(column), f64::from(row));
         let side = f64::from(self.samples).recip();
         let (weights, footprint) = facet.patch(self.painter.uvs(triangle), at, side);
         let coverage = self.painter.coverage(triangle, weights, &footprint);
@@ -236,31 +240,31 @@ impl Band<'_> {
     }
 
     /// Uniform in [0, 1), one of each sixteenth (for 16 sub-samples) in a pixel.
-    fn threshold(&self, triangle: u32, at: DVec2, column: usize, row: usize) -> f32 {
-        let samples = self.samples as usize;
+    fn threshold(&self, triangle: u32, at: DVec2, column: u32, row: u32) -> f32 {
+        let samples = self.samples;
         let (x, y) = (column % samples, row % samples);
         // Neighbours in a row and in a column differ by a whole step of 1/samples.
-        let rank = ((x + y) % samples * samples + x) as u32;
+        let rank = (x + y) % samples * samples + x;
         let pixel = (at.y as u32) << 16 | at.x as u32;
         let hash = hashed(hashed(triangle) ^ pixel);
-        let count = self.samples * self.samples;
+        let count = samples * samples;
         let turned = (rank + hash % count) % count;
         let jitter = (hashed(hash ^ rank) >> 16) as f32 / 65536.0;
         (turned as f32 + jitter) / count as f32
     }
 
-    /// Shades what is seen in `columns` of pixels.
-    fn resolve(&mut self, columns: Range<u32>, background: [f32; 3], truth: &mut Truth) {
-        let rows = self.seen.len() / self.stride / self.samples as usize;
+    /// Shades what is seen.
+    fn resolve(&mut self, background: [f32; 3], truth: &mut Truth) {
         let width = truth.picture.width as usize;
         let count = (self.samples * self.samples) as f32;
-        for row in 0..rows as u32 {
-            for column in columns.clone() {
+        for row in 0..self.rows.len() as u32 {
+            for column in 0..self.columns.len() as u32 {
                 let (color, covered) = self.pixel(column, row, &mut truth.seen);
                 if covered == 0 {
                     continue;
                 }
-                let pixel = (self.first_row + row) as usize * width + column as usize;
+                let pixel = (self.rows.start + row) as usize * width
+                    + (self.columns.start + column) as usize;
                 let rest = count - covered as f32;
                 truth.coverage[pixel] = covered as f32 / count;
                 truth.picture.rgb[pixel] =
@@ -269,7 +273,8 @@ impl Band<'_> {
         }
     }
 
-    /// Sum of the colours of a pixel's covered sub-samples, and their number.
+    /// Sum of the colours of a pixel's covered sub-samples, and their number. The pixel is counted
+    /// from the band's upper left.
     fn pixel(&mut self, column: u32, row: u32, seen: &mut [SideCount]) -> (Vec3, u32) {
         // Quarters follow the outline of a triangle and the shape of its texture better than
         // whole pixels, at a fraction of the cost of every sub-sample.
@@ -281,22 +286,17 @@ impl Band<'_> {
             let left = column * self.samples + part % parts * side;
             let top = row * self.samples + part / parts * side;
             self.gather(left, top, side);
-            for fragment in &self.fragments {
-                let facet = &self.setup.facets[fragment.facet as usize];
+            for &Fragment { facet, count, sum } in &self.fragments {
+                let facet = &self.setup.facets[facet as usize];
                 let triangle = facet.triangle as usize;
-                let [x, y] = fragment.sum.map(|sum| f64::from(sum) / f64::from(fragment.count));
-                let at = DVec2::new(x + 0.5, y + 0.5) / f64::from(self.samples)
-                    + DVec2::new(0.0, f64::from(self.first_row));
+                let [x, y] = sum.map(|sum| f64::from(sum) / f64::from(count));
+                let at = self.position(f64::from(left) + x, f64::from(top) + y);
                 let (weights, footprint) = facet.patch(self.painter.uvs(triangle), at, share);
                 let (shade, _) = self.painter.surface_color(triangle, weights, &footprint);
-                color += fragment.count as f32 * Vec3::from_array(shade);
-                covered += fragment.count;
-                let sides = if facet.back {
-                    SideCount { front: 0, back: fragment.count }
-                } else {
-                    SideCount { front: fragment.count, back: 0 }
-                };
-                seen[triangle] += sides;
+                color += count as f32 * Vec3::from_array(shade);
+                covered += count;
+                let sides = &mut seen[triangle];
+                *(if facet.back { &mut sides.back } else { &mut sides.front }) += count;
             }
         }
         (color, covered)
@@ -305,9 +305,9 @@ impl Band<'_> {
     /// Collects the fragments of a square of sub-samples.
     fn gather(&mut self, left: u32, top: u32, side: u32) {
         self.fragments.clear();
-        for y in top..top + side {
-            for x in left..left + side {
-                let (_, facet) = self.seen[y as usize * self.stride + x as usize];
+        for y in 0..side {
+            let start = self.index(left, top + y);
+            for (x, &(_, facet)) in (0..side).zip(&self.seen[start..]) {
                 if facet == NOTHING {
                     continue;
                 }

@@ -4,7 +4,7 @@
 //! 2. [`pose`] turns a moment into joint transforms and posed vertices.
 //! 3. [`rig`] puts 42 cameras around them, or 42 others for novel views.
 //! 4. [`texture`] prepares images for area sampling, and [`surface`] paints triangles with them.
-//! 5. [`raster`] finds the sub-samples that a triangle covers, exactly; [`mesh_render`] puts it
+//! 5. `raster` finds the sub-samples that a triangle covers, exactly; [`mesh_render`] puts it
 //!    all together into the ground truth of one view.
 
 pub mod keyframes;

@@ -1,11 +1,11 @@
-use glam::{DVec3, Quat, Vec3, vec3};
+use glam::{Quat, Vec3, vec3};
 
 use super::super::rig::{Bounds, RigScale, camera_towards, novel_directions, training_directions};
 
 /// Angle between the nearest two, one of each set, degrees. In f64: `acos` of an f32 near 1 is
 /// coarse.
 fn separation(a: &[Vec3], b: &[Vec3]) -> f64 {
-    let unit = |v: &Vec3| DVec3::from(v.as_dvec3()).normalize();
+    let unit = |v: &Vec3| v.as_dvec3().normalize();
     a.iter()
         .flat_map(|a| b.iter().filter(move |b| a != *b).map(move |b| unit(a).dot(unit(b))))
         .fold(-1.0, f64::max)

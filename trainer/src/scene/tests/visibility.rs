@@ -53,7 +53,7 @@ fn crumpled(cells: u32, seed: u64) -> Model {
     for i in 0..corners * corners {
         let at = |i: u32| 2.0 * i as f32 / cells as f32 - 1.0;
         let (x, y) = (i % corners, i / corners);
-        let loose = |i: u32| if i % cells == 0 { 0.0 } else { 0.8 / cells as f32 };
+        let loose = |i: u32| if i.is_multiple_of(cells) { 0.0 } else { 0.8 / cells as f32 };
         points.push(vec3(
             at(x) + loose(x) * (next() - 0.5),
             at(y) + loose(y) * (next() - 0.5),
