@@ -3,3 +3,4 @@ pub mod demo;
 pub mod metrics;
 pub mod model;
 pub mod picture;
+pub mod scene;
