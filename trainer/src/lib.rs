@@ -1,3 +1,4 @@
 //! Placeholder tour.
+pub mod import;
 pub mod model;
 pub mod picture;
