@@ -195,7 +195,8 @@ fn flipped_bytes_do_not_panic() {
         for _ in 0..runs {
             let mut damaged = bytes.clone();
             for _ in 0..=random(3) {
-                let at = random(if random(2) == 0 { json } else { bytes.len() });
+                let reach = if random(2) == 0 { json } else { bytes.len() };
+                let at = random(reach);
                 damaged[at] = match random(3) {
                     0 => b'0' + random(10) as u8,
                     1 => damaged[at] ^ 1 << random(8),

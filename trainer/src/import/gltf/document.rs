@@ -68,6 +68,9 @@ impl Document {
     pub(super) fn open(bytes: &[u8], path: &Path) -> Result<Self> {
         let (json, binary) = split(bytes)?;
         let json = json.strip_prefix(BYTE_ORDER_MARK).unwrap_or(json);
+        // Some exporters pad the chunk with zeros instead of spaces.
+        let padding = json.iter().rev().take_while(|&&byte| byte == 0).count();
+        let json = &json[..json.len() - padding];
         let root: Root = gltf::json::deserialize::from_slice(json)
             .map_err(|error| anyhow!("its JSON is not glTF 2.0 ({error}); export it again"))?;
         let version = &root.asset.version;

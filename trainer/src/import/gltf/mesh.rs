@@ -52,8 +52,8 @@ pub(super) fn target_names(mesh: &gltf::json::Mesh) -> Vec<String> {
     struct Extras {
         target_names: Vec<String>,
     }
-    let extras = mesh.extras.as_ref().and_then(|extras| serde_json::from_str(extras.get()).ok());
-    extras.unwrap_or_else(Extras::default).target_names
+    let json = mesh.extras.as_ref().map_or("{}", |extras| extras.get());
+    serde_json::from_str::<Extras>(json).unwrap_or_default().target_names
 }
 
 /// What two primitives have in common if their vertices are the same.

@@ -53,7 +53,7 @@ impl Parameters {
         let (strides_fit, most) = match self.mode {
             Mode::Attributes => {
                 let most = source.len().saturating_mul(GREATEST_RATIO) / stride.max(1);
-                ((4..=256).contains(&stride) && stride % 4 == 0, most)
+                ((4..=256).contains(&stride) && stride.is_multiple_of(4), most)
             }
             // A byte codes a triangle or an index at best.
             Mode::Triangles => (stride == 2 || stride == 4, source.len().saturating_mul(3)),
@@ -63,7 +63,7 @@ impl Parameters {
             Filter::None => true,
             Filter::Octahedral => stride == 4 || stride == 8,
             Filter::Quaternion => stride == 8,
-            Filter::Exponential => stride % 4 == 0,
+            Filter::Exponential => stride.is_multiple_of(4),
         };
         let filter_allowed = self.filter == Filter::None || self.mode == Mode::Attributes;
         ensure!(
