@@ -1,0 +1,92 @@
+//! Importers: from a file of another program to a [`Model`].
+//!
+//! A tour:
+//!
+//! 1. [`load`] reads the bytes and picks an importer by content first, then by extension.
+//! 2. `gltf` reads glTF 2.0, as JSON or GLB: `document` opens containers, buffers and compressed
+//!    views; `accessor` reads numbers from them, bounds checked; `mesh` turns primitives into
+//!    vertices, triangles and morph targets; `material` and `texture` say what they are painted
+//!    with; `nodes` holds the node tree; `skin` folds all skins, rigid parts and static parts
+//!    into one list of joints and binds; `animation` reads clips.
+//! 3. `obj` reads Wavefront OBJ with its MTL library.
+//! 4. [`load`] checks what all importers promise: at least one triangle, none of it degenerate
+//!    all over, nothing that is not finite.
+//!
+//! Files are hostile until proven otherwise: every index and range is checked where it is used,
+//! and what a file claims costs memory only in proportion to the bytes it really has (or up to
+//! the limits in this module). Errors are one line when printed with `{:#}`: the file, what is
+//! wrong, and what to do.
+
+mod gltf;
+mod image_file;
+mod obj;
+
+use crate::model::Model;
+use anyhow::{Context, Result, bail, ensure};
+use std::path::Path;
+
+/// Greatest number of vertices of a model. An avatar has some ten thousands; this stops files
+/// that repeat a mesh, or claim one, beyond reason (4 M × 68 bytes = 285 MB).
+const MAX_VERTICES: usize = 1 << 22;
+
+/// Greatest number of triangles of a model, twice [`MAX_VERTICES`] as on a closed surface.
+const MAX_TRIANGLES: usize = 2 * MAX_VERTICES;
+
+/// Greatest number of displacements of all morph targets, and of numbers in all key frames.
+const MAX_NUMBERS: usize = 1 << 26;
+
+/// Reads a GLB, glTF or OBJ file with all that it refers to.
+///
+/// # Errors
+///
+/// Where the file, or one that it refers to, is missing, malformed, or needs what Dermis does not
+/// read. Print the error with `{:#}` for one line that begins with the file's name.
+pub fn load(path: &Path) -> Result<Model> {
+    read(path).with_context(|| path.display().to_string())
+}
+
+fn read(path: &Path) -> Result<Model> {
+    let bytes = std::fs::read(path).context("cannot be read")?;
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let mut model = if bytes.starts_with(gltf::GLB_MAGIC) || starts_like_json(&bytes) {
+        gltf::import(&bytes, path)?
+    } else if extension == "obj" {
+        obj::import(&bytes, path)?
+    } else if extension == "glb" || extension == "gltf" {
+        bail!("is neither a GLB nor glTF JSON, or is cut short; export it again");
+    } else {
+        bail!("is of no kind that Dermis reads; use GLB, glTF or OBJ");
+    };
+    model.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    check(&model)?;
+    Ok(model)
+}
+
+fn starts_like_json(bytes: &[u8]) -> bool {
+    let bytes = bytes.strip_prefix(gltf::BYTE_ORDER_MARK).unwrap_or(bytes);
+    bytes.trim_ascii_start().starts_with(b"{")
+}
+
+/// What every importer promises, checked where all of them pass.
+fn check(model: &Model) -> Result<()> {
+    ensure!(!model.triangles.is_empty(), "has no triangles; export a triangle mesh");
+    if let Some(index) = model.vertices.iter().position(|v| !v.position.is_finite()) {
+        bail!("vertex {index} is not finite; repair the mesh and export it again");
+    }
+    let has_area = |corners: [u32; 3]| {
+        let [a, b, c] = corners.map(|i| model.vertices[i as usize].position.as_dvec3());
+        (b - a).cross(c - a).length_squared() > 0.0
+    };
+    ensure!(
+        model.triangles.iter().any(|t| has_area(t.corners)),
+        "has no triangle with an area; export a triangle mesh"
+    );
+    Ok(())
+}
+
+/// Adds `more` to a running total, unless it passes a limit of this module.
+fn add_within(total: &mut usize, more: usize, limit: usize, what: &str) -> Result<()> {
+    *total = total.saturating_add(more);
+    ensure!(*total <= limit, "has more than {limit} {what}; simplify it first");
+    Ok(())
+}
