@@ -248,7 +248,9 @@ impl<'a> Avatar<'a> {
     #[inline]
     pub fn influences(&self, index: usize) -> [(u32, u8); 4] {
         let weights = self.bind_weights.get(index).copied().unwrap_or([0; 4]);
-        core::array::from_fn(|i| (self.bind_indices.get(index.saturating_mul(4).saturating_add(i)), weights[i]))
+        core::array::from_fn(|i| {
+            (self.bind_indices.get(index.saturating_mul(4).saturating_add(i)), weights[i])
+        })
     }
 
     /// Corners of triangle `index`: indices of vertices.
