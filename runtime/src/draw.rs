@@ -21,7 +21,7 @@ impl Prepared<'_> {
     /// splat of a budget. More words mean longer lists and fewer passes, never other pixels.
     pub fn band_scratch_len(budget: u32, width: u32, height: u32) -> usize {
         let tiles = crate::tiles::TileGrid::new(width, height).tiles();
-        words::<TilePixels>(1) + tiles + words::<Pair>(budget as usize)
+        words::<TilePixels>(1).saturating_add(tiles).saturating_add(words::<Pair>(budget as usize))
     }
 
     /// Rows of tiles in the frame.
@@ -62,7 +62,8 @@ impl Prepared<'_> {
         scratch: &mut [u32],
         mut finished: impl FnMut(u32, &[Pair], &TilePixels),
     ) -> Result<u64, Error> {
-        let mut tiles = tile_rows.start * self.grid.columns..tile_rows.end * self.grid.columns;
+        let [start, end] = [tile_rows.start, tile_rows.end].map(|row| row.min(self.grid.rows));
+        let mut tiles = start * self.grid.columns..end * self.grid.columns;
         let needed = words::<TilePixels>(1) + tiles.len() + words::<Pair>(self.splats.len());
         let lent = scratch.len();
         let mut scratch = Scratch::new(scratch);
