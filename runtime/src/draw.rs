@@ -65,13 +65,9 @@ impl Prepared<'_> {
         let [start, end] = [tile_rows.start, tile_rows.end].map(|row| row.min(self.grid.rows));
         let mut tiles = start * self.grid.columns..end * self.grid.columns;
         let needed = words::<TilePixels>(1) + tiles.len() + words::<Pair>(self.splats.len());
-        let lent = scratch.len();
-        let mut scratch = Scratch::new(scratch);
+        let mut scratch = Scratch::new(scratch, needed)?;
         let pixels = scratch.take::<TilePixels>(1)?;
         let ends = scratch.take::<u32>(tiles.len())?;
-        if lent < needed {
-            return Err(Error::Scratch { needed, lent });
-        }
         let pairs = scratch.take_rest::<Pair>();
         let mut blends = 0;
         while !tiles.is_empty() {

@@ -46,7 +46,8 @@ impl<'s> Prepared<'s> {
         check(posed.avatar(), plan, camera)?;
         let avatar = posed.avatar();
         let grid = TileGrid::new(width, height);
-        let mut scratch = Scratch::new(scratch);
+        let mut scratch =
+            Scratch::new(scratch, Self::scratch_len(plan.gaussians(), width, height))?;
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let camera = SplatCamera {
