@@ -167,7 +167,7 @@ fn a_camera_that_is_not_finite_sees_nothing() {
 }
 
 /// Two joints, one triangle on each, a morph target that moves the second, and a clip.
-fn rigged() -> Source {
+pub(crate) fn rigged() -> Source {
     let mut source = sheet(&[DOT, DOT]);
     source.mesh.positions.extend(UNIT.map(|[x, y, z]| [x + 1.0, y, z]));
     source.mesh.triangles.push([3, 4, 5]);
