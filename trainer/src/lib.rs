@@ -1,7 +1,14 @@
 //! Placeholder tour.
 pub mod demo;
+pub mod embed;
 pub mod import;
 pub mod metrics;
 pub mod model;
+pub mod optimize;
+pub mod options;
+pub mod package;
 pub mod picture;
+pub mod progress;
 pub mod scene;
+pub mod train;
+pub mod truth;
