@@ -1,6 +1,8 @@
 //! Placeholder tour.
 pub mod demo;
+pub mod draw;
 pub mod embed;
+pub mod eval;
 pub mod import;
 pub mod metrics;
 pub mod model;
