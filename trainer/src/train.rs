@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::embed::hierarchy::Hierarchy;
 use crate::embed::initial::seed;
 use crate::embed::placement::spread;
+use crate::embed::sides::two_sided;
 use crate::embed::surface::Surface;
 use crate::model::Model;
 use crate::optimize::cloud::{Cloud, Freedom};
@@ -25,8 +26,6 @@ use crate::truth::{Crop, TrainingView};
 
 /// Sub-samples along each side of a pixel of the truth.
 const SAMPLES: u32 = 4;
-/// A triangle's back is seen if it has at least this share of its visible sub-samples.
-const BACK_SHARE: f64 = 0.02;
 /// Density of Gaussians on triangles that no training view sees.
 const UNSEEN_WEIGHT: f32 = 0.1;
 
@@ -46,7 +45,7 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let mut source = package::rigged_mesh(model);
     source.key_frames = package::key_frames(&key_frames);
     let (views, seen) = observe(&painter, &key_frames, options);
-    source.mesh.two_sided = seen.iter().map(is_two_sided).collect();
+    source.mesh.two_sided = two_sided(model, &seen);
     let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, options)?;
     let cloud = match options.method {
         Method::Dermis => workshop.nested()?,
@@ -97,11 +96,6 @@ fn observe(
     }
     bar.finish_and_clear();
     (views, seen)
-}
-
-fn is_two_sided(count: &SideCount) -> bool {
-    let (front, back) = (f64::from(count.front), f64::from(count.back));
-    back > BACK_SHARE * (front + back)
 }
 
 /// Everything that both methods of training use.
