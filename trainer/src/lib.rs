@@ -1,5 +1,7 @@
 //! Placeholder tour.
+pub mod camera_file;
 pub mod demo;
+pub mod describe;
 pub mod draw;
 pub mod embed;
 pub mod eval;
@@ -8,7 +10,9 @@ pub mod metrics;
 pub mod model;
 pub mod optimize;
 pub mod options;
+pub mod output;
 pub mod package;
+pub mod page;
 pub mod picture;
 pub mod progress;
 pub mod scene;

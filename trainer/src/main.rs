@@ -1,40 +1,70 @@
-//! The `dermis` command.
-use dermis_trainer::{eval::*, import, options::*, train::train};
-fn main() -> anyhow::Result<()> {
-    let a: Vec<String> = std::env::args().collect();
-    let m = import::load(a[1].as_ref())?;
-    let mut o = Options::preset(Preset::Draft);
-    if let Some(s) = a.get(3) {
-        o.steps = s.parse()?;
+//! The `dermis` command: arguments, files, exit codes. What it does stands in the library.
+
+mod commands;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Turns rigged meshes into layered Gaussian avatars, draws and measures them.
+#[derive(Parser)]
+#[command(name = "dermis", version)]
+struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every command.
+#[derive(clap::Args)]
+pub(crate) struct Common {
+    /// Print one JSON object on stdout, and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Worker threads; 0: one for each core.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// Seed of everything random.
+    #[arg(long, global = true, default_value_t = 1, value_name = "N")]
+    seed: u64,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The whole path on a small built-in avatar: train, pack, render at several budgets, report.
+    Demo(commands::demo::Arguments),
+    /// Trains an avatar from a rigged mesh (GLB, glTF or OBJ).
+    Train(commands::train::Arguments),
+    /// Prints what a file holds, byte by byte.
+    Info(commands::info::Arguments),
+    /// Draws one picture.
+    Render(commands::render::Arguments),
+    /// Measures quality against the mesh, on unseen views and poses.
+    Eval(commands::eval::Arguments),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    // Fails only if a pool was built before, and there was none.
+    let _ = rayon::ThreadPoolBuilder::new().num_threads(cli.common.threads).build_global();
+    let done = match cli.command {
+        Command::Demo(arguments) => commands::demo::run(&arguments, &cli.common),
+        Command::Train(arguments) => commands::train::run(&arguments, &cli.common),
+        Command::Info(arguments) => commands::info::run(&arguments, &cli.common),
+        Command::Render(arguments) => commands::render::run(&arguments, &cli.common),
+        Command::Eval(arguments) => commands::eval::run(&arguments, &cli.common),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("dermis: {}", one_line(&format!("{error:#}")));
+            ExitCode::FAILURE
+        }
     }
-    if let Ok(s) = std::env::var("LOSS") {
-        let v: Vec<f32> = s.split(',').map(|x| x.parse().unwrap()).collect();
-        o.loss = dermis_trainer::optimize::loss::Loss { l1: v[0], l2: v[1], dssim: v[2] };
-    }
-    if let Ok(s) = std::env::var("N") {
-        o.gaussians = s.parse()?;
-    }
-    let t0 = std::time::Instant::now();
-    let t = train(&m, &o)?;
-    eprintln!("{:?} {} bytes", t0.elapsed(), t.bytes.len());
-    std::fs::write(&a[2], &t.bytes)?;
-    let av = dermis_format::Avatar::parse(&t.bytes)?;
-    let e = evaluate(
-        &av,
-        &m,
-        &EvalOptions {
-            key_frames: 2,
-            views: 10,
-            size: 540,
-            background: [1.; 3],
-            budgets: vec![20000, 37500],
-        },
-    )?;
-    for r in &e.rows {
-        println!(
-            "{:?} {} {:.2} {:.2} {:.4} {:.4}",
-            r.split, r.gaussians, r.psnr_db, r.psnr_foreground_db, r.ssim, r.flip
-        );
-    }
-    Ok(())
+}
+
+/// Messages of libraries may hold line breaks.
+fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
 }

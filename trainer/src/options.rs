@@ -31,7 +31,7 @@ pub struct Options {
     pub method: Method,
     /// Gaussians wanted.
     pub gaussians: u32,
-    /// Layers (of the nested order), or levels beyond 0 (LoDAvatar).
+    /// Layers: of the nested order, or LoDAvatar's levels 0, 1, ….
     pub levels: u32,
     /// Directions from which each key frame is seen, at most 42.
     pub views: u32,

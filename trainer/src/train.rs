@@ -167,9 +167,9 @@ impl<'a> Workshop<'a> {
             Hierarchy::base(&self.surface, self.painter, &self.corners, vertices);
         let mut cloud = Cloud::arrange(hierarchy.layers(), &seeds);
         let mut schedule = self.options.schedule();
-        schedule.steps /= self.options.levels + 1;
+        schedule.steps /= self.options.levels;
         self.descend(&mut cloud, &schedule);
-        for _ in 0..self.options.levels {
+        for _ in 1..self.options.levels {
             let seeds = hierarchy.refine(&self.surface, self.painter, &cloud);
             cloud = Cloud::arrange(hierarchy.layers(), &seeds);
             self.descend(&mut cloud, &schedule);
