@@ -56,35 +56,65 @@ impl Prepared<'_> {
     }
 
     /// Calls `finished` with each tile of a band: its index, its splats front to back, its pixels.
+    /// Returns the number of blends.
     pub fn for_each_tile(
         &self,
         tile_rows: Range<u32>,
         scratch: &mut [u32],
         mut finished: impl FnMut(u32, &[Pair], &TilePixels),
     ) -> Result<u64, Error> {
-        let [start, end] = [tile_rows.start, tile_rows.end].map(|row| row.min(self.grid.rows));
-        let mut tiles = start * self.grid.columns..end * self.grid.columns;
-        let needed = words::<TilePixels>(1) + tiles.len() + words::<Pair>(self.splats.len());
-        let mut scratch = Scratch::new(scratch, needed)?;
-        let pixels = scratch.take::<TilePixels>(1)?;
+        let pixels_len = words::<TilePixels>(1);
+        let needed = pixels_len.saturating_add(self.lists_len(&tile_rows));
+        let lent = scratch.len();
+        let (pixels, lists) =
+            scratch.split_at_mut_checked(pixels_len).ok_or(Error::Scratch { needed, lent })?;
+        if lent < needed {
+            return Err(Error::Scratch { needed, lent });
+        }
+        let pixels = Scratch::new(pixels, pixels_len)?.take::<TilePixels>(1)?;
+        let mut blends = 0;
+        self.for_each_list(tile_rows, lists, |tile, order| {
+            for pixels in pixels.iter_mut() {
+                pixels.fill(CLEAR);
+                blends += draw_tile(self.splats, order, self.grid.pixels(tile), pixels);
+                finished(tile, order, pixels);
+            }
+        })?;
+        Ok(blends)
+    }
+
+    /// Calls `visit` with each tile of a band: its index, and its splats front to back. As many
+    /// tiles are sorted at once as the scratch has room for, and at least one.
+    pub fn for_each_list(
+        &self,
+        tile_rows: Range<u32>,
+        scratch: &mut [u32],
+        mut visit: impl FnMut(u32, &[Pair]),
+    ) -> Result<(), Error> {
+        let mut tiles = self.tiles_of(&tile_rows);
+        let mut scratch = Scratch::new(scratch, self.lists_len(&tile_rows))?;
         let ends = scratch.take::<u32>(tiles.len())?;
         let pairs = scratch.take_rest::<Pair>();
-        let mut blends = 0;
         while !tiles.is_empty() {
             let run = next_run(self.tile_counts, tiles.clone(), pairs.len());
             fill_run(&self.grid, self.splats, self.tile_counts, run.clone(), pairs, ends);
             let mut start = 0;
             for (tile, &end) in run.clone().zip(ends.iter()) {
-                let order = pairs.get(start as usize..end as usize).unwrap_or(&[]);
-                for pixels in pixels.iter_mut() {
-                    pixels.fill(CLEAR);
-                    blends += draw_tile(self.splats, order, self.grid.pixels(tile), pixels);
-                    finished(tile, order, pixels);
-                }
+                visit(tile, pairs.get(start as usize..end as usize).unwrap_or(&[]));
                 start = end;
             }
             tiles.start = run.end;
         }
-        Ok(blends)
+        Ok(())
+    }
+
+    /// Words that the lists of a band take at least: a tile may hold every splat.
+    fn lists_len(&self, tile_rows: &Range<u32>) -> usize {
+        self.tiles_of(tile_rows).len().saturating_add(words::<Pair>(self.splats.len()))
+    }
+
+    fn tiles_of(&self, tile_rows: &Range<u32>) -> Range<u32> {
+        let row = |row: u32| row.min(self.grid.rows) * self.grid.columns;
+        row(tile_rows.start)..row(tile_rows.end)
     }
 }

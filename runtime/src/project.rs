@@ -16,7 +16,7 @@ pub const JACOBIAN_LIMIT: f32 = 1.3;
 /// log₂ of the least alpha that touches a pixel, 1/255.
 pub const LEAST_LOG2_ALPHA: f32 = -7.994_353;
 /// log₂(e) / 2: a Gaussian's exponent −q/2 in powers of two.
-const HALF_LOG2_E: f32 = 0.721_347_5;
+pub const HALF_LOG2_E: f32 = 0.721_347_5;
 
 /// A camera in the numbers that projection needs.
 #[derive(Clone, Copy, Debug)]

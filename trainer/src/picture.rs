@@ -1,4 +1,4 @@
-//! Float pictures: what training compares and metrics measure.
+//! Pictures: floats that training compares, bytes that metrics measure and people look at.
 
 /// A picture of `width × height` pixels, row-major, row 0 on top; display-referred sRGB in [0, 1].
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,5 +15,10 @@ impl Picture {
     /// A picture of one colour.
     pub fn filled(width: u32, height: u32, color: [f32; 3]) -> Self {
         Self { width, height, rgb: vec![color; width as usize * height as usize] }
+    }
+
+    /// 8 bits a channel, rounded as the runtime rounds: (r, g, b) after (r, g, b).
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.rgb.iter().flat_map(|pixel| pixel.map(dermis_runtime::framebuffer::to_byte)).collect()
     }
 }

@@ -207,3 +207,62 @@ fn flipped_bytes_do_not_panic() {
         }
     }
 }
+
+/// The JSON of a glTF or GLB file, and what follows it.
+fn split(bytes: &[u8]) -> (String, &[u8]) {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    if !bytes.starts_with(b"glTF") {
+        return (text(bytes), &[]);
+    }
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    (text(&bytes[20..20 + length]), &bytes[20 + length..])
+}
+
+/// A GLB of that JSON, if anything follows it, else the JSON.
+fn join(json: &str, rest: &[u8]) -> Vec<u8> {
+    if rest.is_empty() {
+        return json.as_bytes().to_vec();
+    }
+    let mut json = json.to_owned();
+    json.extend(std::iter::repeat_n(' ', json.len().next_multiple_of(4) - json.len()));
+    let total = (20 + json.len() + rest.len()) as u32;
+    let length = (json.len() as u32).to_le_bytes();
+    [
+        b"glTF",
+        &2u32.to_le_bytes()[..],
+        &total.to_le_bytes(),
+        &length,
+        b"JSON",
+        json.as_bytes(),
+        rest,
+    ]
+    .concat()
+}
+
+#[test]
+fn lies_in_the_json_do_not_panic() {
+    let Some(folder) = data() else { return };
+    let temporary = tempfile::tempdir().unwrap();
+    let lies =
+        ["0", "1", "2", "255", "-1", "1.5", "65536", "4294967295", "18446744073709551615", "1e39"];
+    for (file, step) in
+        [("SimpleSkin.gltf", 1), ("greenman.glb", 5), ("valid_male_original.glb", 150)]
+    {
+        let bytes = std::fs::read(folder.join(file)).unwrap();
+        let (json, rest) = split(&bytes);
+        let path = temporary.path().join(file);
+        // Numbers stand after these; digits in names and base64 do not.
+        let starts = json.match_indices([':', ',', '[']).map(|(at, _)| at + 1);
+        let numbers = starts.filter_map(|start| {
+            let skipped = json[start..].find(|c: char| !c.is_whitespace())? + start;
+            let length =
+                json[skipped..].find(|c: char| !c.is_ascii_digit() && !"+-.e".contains(c))?;
+            (length > 0).then_some(skipped..skipped + length)
+        });
+        for (index, number) in numbers.enumerate().filter(|(index, _)| index % step == 0) {
+            let mut lying = json.clone();
+            lying.replace_range(number, lies[index / step % lies.len()]);
+            load_damaged(&join(&lying, rest), &path);
+        }
+    }
+}

@@ -45,6 +45,25 @@ fn bad_files_are_refused_by_name() {
     };
     fails(QUAD, "newmtl skin\nmap_Kd gone.jpg\n", "gone.jpg");
     fails("v 0 0 0\n", "", "has no triangles");
-    fails("v 0 0 0\nv 1 0 0\nf 1 2 9\n", "", "is not a valid OBJ");
+    fails("v 0 0 0\nv 1 0 0\nf 1 2 9\n", "", "line 3: names vertex 9 of 2");
+    fails("v 0 0 0\nf 1 1 -2\n", "", "line 2: names vertex -2 of 1");
+    fails("v 0 0 0\nvt 0 0\nf 1/-9 1/0 1/1\n", "", "names texture coordinate -9 of 1");
+    fails("v 0 0\n", "", "a vertex of 2 numbers");
+    fails("v 0 zero 0\n", "", "\"zero\" for a number");
     fails("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "", "vertex 0 is not finite");
+}
+
+#[test]
+fn libraries_with_slips_still_give_materials() {
+    let model = load(QUAD, Some("Kd 1 1\nnewmtl skin\nKd 1 1\nd\nTr x\nnewmtl\n")).unwrap();
+    assert_eq!(model.materials[0].base_color, Vec4::ONE);
+}
+
+#[test]
+fn relative_indices_colours_and_continued_lines_are_read() {
+    let obj = "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 1\nvt 0 0.5\nf -3 \\\n2//7 -1/-1 # last\n";
+    let model = load(obj, None).unwrap();
+    assert_eq!(model.triangles[0].corners, [0, 1, 2]);
+    assert_eq!(model.vertices[0].color, Vec4::new(1., 0., 0., 1.));
+    assert_eq!([model.vertices[1].uv, model.vertices[2].uv], [Vec2::ZERO, Vec2::new(0., 0.5)]);
 }

@@ -13,7 +13,7 @@ const NEAR: f64 = 0.01;
 /// Corners are rounded to this part of the distance between sub-samples.
 const SUBSTEPS: f64 = 256.0;
 /// Triangles are cut this far outside the picture, pixels. With pictures up to 16384 pixels and
-/// 16 sub-samples a side, rounded corners stay below 2²⁷ and edge functions below 2⁵⁶.
+/// 16 sub-samples a side, rounded corners stay within 2²⁷ and edge functions within 2⁵⁸.
 const GUARD: f64 = 16384.0;
 
 /// A triangle in view: where it is, and how it is seen.

@@ -143,6 +143,17 @@ fn factors_multiply_light_and_white_leaves_texels_alone() {
 }
 
 #[test]
+fn shares_of_a_triangle_have_their_share_of_its_texture() {
+    let model = square(Material::default(), None);
+    let painter = Painter::new(&model);
+    // Half of the square's texture is the triangle's.
+    for share in [1.0, 0.25, 0.01] {
+        let Footprint { along, across } = painter.footprint_of_share(1, share);
+        assert!((along.perp_dot(across).abs() - 0.5 * share).abs() < 1e-6);
+    }
+}
+
+#[test]
 fn coverage_follows_the_alpha_mode() {
     let middle = Vec3::splat(1.0 / 3.0);
     let coverage = |alpha: AlphaMode, factor: f32| {

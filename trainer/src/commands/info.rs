@@ -1,0 +1,55 @@
+//! `dermis info`.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use dermis_trainer::describe::Info;
+
+use crate::Common;
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// An avatar.
+    file: PathBuf,
+}
+
+pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let info = super::with_avatar(&arguments.file, |avatar| Ok(Info::of(avatar)))?;
+    super::print(common, &info, text)
+}
+
+pub(crate) fn text(info: &Info) -> String {
+    let mut out = String::new();
+    let mesh = &info.mesh;
+    // Writing to a string does not fail.
+    let _ = writeln!(
+        out,
+        "{} bytes, {} Gaussians, {:.2} bytes each",
+        info.bytes, info.gaussians, info.bytes_per_gaussian
+    );
+    let _ = writeln!(
+        out,
+        "mesh    {} vertices, {} triangles ({} two-sided), {} joints, {} morph targets",
+        mesh.vertices, mesh.triangles, mesh.two_sided, mesh.joints, mesh.morph_targets
+    );
+    for (level, layer) in info.layers.iter().enumerate() {
+        let _ =
+            writeln!(out, "layer   {level}: {} Gaussians, {} bytes", layer.gaussians, layer.bytes);
+    }
+    for region in &info.regions {
+        let _ = writeln!(
+            out,
+            "region  {}: {} triangles, {} Gaussians",
+            region.name, region.triangles, region.gaussians
+        );
+    }
+    for clip in &info.clips {
+        let _ = writeln!(out, "clip    {}: {:.2} s", clip.name, clip.seconds);
+    }
+    for part in &info.sections {
+        let _ =
+            writeln!(out, "section {:6} × {:<3} {:>9} bytes", part.name, part.count, part.bytes);
+    }
+    out
+}

@@ -1,0 +1,160 @@
+//! `dermis render`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use anyhow::{Context, Result, ensure};
+use dermis_runtime::prepare::MAX_SIZE;
+use dermis_runtime::{Avatar, Plan, Pose};
+use dermis_trainer::camera_file::{self, Shot};
+use dermis_trainer::draw::{Milliseconds, draw_timed};
+use dermis_trainer::eval::reference::draw_reference;
+use dermis_trainer::{draw, output};
+use serde::Serialize;
+
+use crate::Common;
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// An avatar.
+    file: PathBuf,
+    /// The PNG to write.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// A camera file; otherwise the camera circles the avatar.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["yaw", "pitch", "distance", "size"])]
+    camera: Option<PathBuf>,
+    /// Degrees around the avatar; 0 looks at its front.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES")]
+    yaw: f32,
+    /// Degrees above the horizon.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES")]
+    pitch: f32,
+    /// Metres from the middle of the avatar [default: as in training].
+    #[arg(long, value_name = "METRES")]
+    distance: Option<f32>,
+    /// Pixels.
+    #[arg(long, default_value = "540x540", value_name = "WxH")]
+    size: Size,
+    /// A clip's name [default: the rest pose].
+    #[arg(long, value_name = "NAME")]
+    clip: Option<String>,
+    /// Seconds into the clip.
+    #[arg(long, default_value_t = 0.0, requires = "clip", value_name = "SECONDS")]
+    time: f32,
+    /// At most this many Gaussians [default: all].
+    #[arg(long, value_name = "N", conflicts_with = "level")]
+    budget: Option<u32>,
+    /// Level of detail, may lie between two.
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    level: Option<f32>,
+    /// Which arithmetic draws.
+    #[arg(long, value_enum, default_value_t = Kernel::Scalar)]
+    kernel: Kernel,
+}
+
+/// Which arithmetic draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Kernel {
+    /// The runtime's specification.
+    Scalar,
+    /// f64, with the runtime's discrete decisions.
+    Reference,
+}
+
+/// Width and height, px.
+#[derive(Clone, Copy, Debug)]
+struct Size(u32, u32);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let pixels = |part: &str| part.parse().ok().filter(|n| (1..=MAX_SIZE).contains(n));
+        let size = text.split_once('x').and_then(|(w, h)| Some(Self(pixels(w)?, pixels(h)?)));
+        size.ok_or_else(|| format!("give width x height, 1 to {MAX_SIZE} each, as in 540x540"))
+    }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    gaussians_selected: u32,
+    gaussians_visible: u32,
+    blends: u64,
+    scratch_bytes: usize,
+    level: f32,
+    ms: Milliseconds,
+    frame_crc32: u32,
+}
+
+pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let output = output::Output::create(&arguments.output)?;
+    let (report, png) = super::with_avatar(&arguments.file, |avatar| picture(avatar, arguments))?;
+    output.finish(&png)?;
+    super::print(common, &report, |r| {
+        format!(
+            "{} of {} Gaussians seen, {} blends, level {:.2}, {:.2} ms on one thread\n",
+            r.gaussians_visible, r.gaussians_selected, r.blends, r.level, r.ms.total
+        )
+    })
+}
+
+fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8>)> {
+    let pose = pose(avatar, arguments)?;
+    let shot = shot(avatar, &pose, arguments)?;
+    let plan = || match (arguments.budget, arguments.level) {
+        (Some(budget), _) => Plan::with_budget(avatar, budget),
+        (None, Some(level)) => Plan::at_level(avatar, level),
+        (None, None) => Plan::with_budget(avatar, u32::MAX),
+    };
+    let (mut drawn, plan, ms) = draw_timed(avatar, &pose, plan, &shot.camera, shot.background)?;
+    if arguments.kernel == Kernel::Reference {
+        let exact = draw_reference(avatar, &pose, &plan, &shot.camera, shot.background)?;
+        let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+        drawn.rgba =
+            exact.iter().flat_map(|rgb| [byte(rgb[0]), byte(rgb[1]), byte(rgb[2]), 255]).collect();
+    }
+    let report = Report {
+        gaussians_selected: drawn.statistics.gaussians_selected,
+        gaussians_visible: drawn.statistics.gaussians_visible,
+        blends: drawn.statistics.blends,
+        scratch_bytes: drawn.scratch_bytes,
+        level: plan.level(avatar),
+        ms,
+        frame_crc32: crc32fast::hash(&drawn.rgba),
+    };
+    Ok((report, output::png(&drawn.rgba, shot.camera.width, shot.camera.height)?))
+}
+
+fn pose(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Pose<'static>> {
+    let Some(name) = &arguments.clip else { return Ok(Pose::Rest) };
+    ensure!(arguments.time.is_finite(), "--time: {} is not a number of seconds", arguments.time);
+    let clip = avatar.clips().position(|clip| clip.name == name).with_context(|| {
+        let names: Vec<&str> = avatar.clips().map(|clip| clip.name).collect();
+        format!("has no clip {name}; choose one of: {}", names.join(", "))
+    })?;
+    Ok(Pose::Clip { clip, seconds: arguments.time })
+}
+
+fn shot(avatar: &Avatar<'_>, pose: &Pose<'_>, arguments: &Arguments) -> Result<Shot> {
+    if let Some(path) = &arguments.camera {
+        return camera_file::read(path);
+    }
+    let Size(width, height) = arguments.size;
+    let numbers = [Some(arguments.yaw), Some(arguments.pitch), arguments.distance];
+    ensure!(
+        numbers.iter().flatten().all(|x| x.is_finite()),
+        "--yaw, --pitch and --distance must be numbers"
+    );
+    let camera = draw::orbit(
+        avatar,
+        pose,
+        arguments.yaw,
+        arguments.pitch,
+        arguments.distance,
+        width,
+        height,
+    )?;
+    Ok(Shot { camera, background: [1.0; 3] })
+}

@@ -1,0 +1,95 @@
+//! `dermis train`.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, Result, ensure};
+use dermis_runtime::Avatar;
+use dermis_trainer::describe::Info;
+use dermis_trainer::options::{Method, Options, Preset};
+use dermis_trainer::{import, output, train};
+use serde::Serialize;
+
+use crate::Common;
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// A rigged mesh: GLB, glTF or OBJ.
+    mesh: PathBuf,
+    /// The avatar to write.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// How much effort: steps and key frames.
+    #[arg(long, value_enum, default_value_t = Preset::Default)]
+    preset: Preset,
+    /// How Gaussians are placed and trained.
+    #[arg(long, value_enum, default_value_t = Method::Dermis)]
+    method: Method,
+    /// Gaussians wanted [default: 75000].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
+    gaussians: Option<u32>,
+    /// Layers [default: 4; lodavatar: 2].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    levels: Option<u32>,
+    /// Directions from which each key frame is seen.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=42))]
+    views: Option<u32>,
+    /// Poses [default: of the preset].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    keyframes: Option<u32>,
+    /// Width and height of the pictures, px.
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
+    size: Option<u32>,
+    /// Clips to train on, by name [default: all but the last].
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    clips: Vec<String>,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    seconds: f64,
+    steps: u32,
+    #[serde(flatten)]
+    info: Info,
+}
+
+pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let start = Instant::now();
+    let options = options(arguments, common)?;
+    let output = output::Output::create(&arguments.output)?;
+    let model = import::load(&arguments.mesh)?;
+    let trained =
+        train::train(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
+    output.finish(&trained.bytes)?;
+    let info = Info::of(&Avatar::parse(&trained.bytes)?);
+    let report = Report { seconds: start.elapsed().as_secs_f64(), steps: trained.steps, info };
+    super::print(common, &report, |report| {
+        format!(
+            "{} steps in {:.1} s\n{}",
+            report.steps,
+            report.seconds,
+            super::info::text(&report.info)
+        )
+    })
+}
+
+fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
+    let preset = Options::preset(arguments.preset);
+    let lodavatar = arguments.method == Method::Lodavatar;
+    ensure!(
+        !(lodavatar && arguments.gaussians.is_some()),
+        "--gaussians: lodavatar's count follows from the mesh; choose --levels instead"
+    );
+    Ok(Options {
+        method: arguments.method,
+        gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
+        levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
+        views: arguments.views.unwrap_or(preset.views),
+        key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
+        size: arguments.size.unwrap_or(preset.size),
+        clips: arguments.clips.clone(),
+        seed: common.seed,
+        ..preset
+    })
+}

@@ -1,0 +1,155 @@
+//! What a file holds, byte by byte.
+
+use dermis_format::section::{self, preamble};
+use dermis_runtime::Avatar;
+use serde::Serialize;
+
+/// What a file holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct Info {
+    /// Of the whole file.
+    pub bytes: usize,
+    /// Of the blocks of Gaussians, for each Gaussian.
+    pub bytes_per_gaussian: f64,
+    /// In all regions.
+    pub gaussians: u32,
+    /// Degree of spherical harmonics.
+    pub sh_degree: u8,
+    /// Coarse to fine.
+    pub layers: Vec<Layer>,
+    /// Parts with a level of their own.
+    pub regions: Vec<Region>,
+    /// What moves.
+    pub mesh: Mesh,
+    /// Animations.
+    pub clips: Vec<Clip>,
+    /// Bytes by section, heads included.
+    pub sections: Vec<Part>,
+}
+
+/// A layer.
+#[derive(Clone, Debug, Serialize)]
+pub struct Layer {
+    /// Of all regions.
+    pub gaussians: u32,
+    /// Of its blocks.
+    pub bytes: usize,
+}
+
+/// A region.
+#[derive(Clone, Debug, Serialize)]
+pub struct Region {
+    /// Its name.
+    pub name: String,
+    /// Its triangles.
+    pub triangles: usize,
+    /// Its Gaussians.
+    pub gaussians: u32,
+}
+
+/// A mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct Mesh {
+    /// As stored: a seam counts twice.
+    pub vertices: u32,
+    /// Triangles.
+    pub triangles: u32,
+    /// Those whose back is drawn, too.
+    pub two_sided: usize,
+    /// Joints of the skeleton.
+    pub joints: u16,
+    /// Morph targets.
+    pub morph_targets: u16,
+}
+
+/// A clip.
+#[derive(Clone, Debug, Serialize)]
+pub struct Clip {
+    /// Its name.
+    pub name: String,
+    /// Its length.
+    pub seconds: f32,
+}
+
+/// Sections of one tag.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Part {
+    /// Tag, or `header`.
+    pub name: String,
+    /// How many.
+    pub count: usize,
+    /// In all of them, heads included.
+    pub bytes: usize,
+}
+
+impl Info {
+    /// Of a file.
+    pub fn of(avatar: &Avatar<'_>) -> Self {
+        let header = avatar.header();
+        let sections = parts(avatar);
+        let blocks = sections.iter().find(|part| part.name == "BLCK").map_or(0, |part| part.bytes);
+        Self {
+            bytes: avatar.bytes().len(),
+            bytes_per_gaussian: blocks as f64 / f64::from(header.gaussians.max(1)),
+            gaussians: header.gaussians,
+            sh_degree: header.harmonics_degree,
+            layers: (0..header.layers).map(|layer| layer_of(avatar, layer)).collect(),
+            regions: regions(avatar),
+            mesh: Mesh {
+                vertices: header.vertices,
+                triangles: header.triangles,
+                two_sided: (0..header.triangles as usize)
+                    .filter(|&t| avatar.is_two_sided(t))
+                    .count(),
+                joints: header.joints,
+                morph_targets: header.morph_targets,
+            },
+            clips: avatar
+                .clips()
+                .map(|clip| Clip { name: clip.name.into(), seconds: clip.seconds })
+                .collect(),
+            sections,
+        }
+    }
+}
+
+fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
+    let blocks = avatar.sections().filter(|s| s.tag == section::tag::BLOCK);
+    let bytes = blocks.zip(avatar.blocks()).filter(|(_, block)| block.layer == layer);
+    Layer {
+        gaussians: (0..usize::from(avatar.header().regions))
+            .map(|r| avatar.layer_len(r, usize::from(layer)))
+            .sum(),
+        bytes: bytes.map(|(s, _)| section::head::LEN + s.payload.len()).sum(),
+    }
+}
+
+fn regions(avatar: &Avatar<'_>) -> Vec<Region> {
+    let triangles = avatar.header().triangles as usize;
+    let region = |(index, name): (usize, &str)| Region {
+        name: name.into(),
+        triangles: (0..triangles)
+            .filter(|&t| usize::from(avatar.triangle_region(t)) == index)
+            .count(),
+        gaussians: avatar.region_len(index),
+    };
+    avatar.region_names().enumerate().map(region).collect()
+}
+
+fn parts(avatar: &Avatar<'_>) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    let mut sum = 0;
+    for s in avatar.sections() {
+        let name = String::from_utf8_lossy(&s.tag).into_owned();
+        let bytes = section::head::LEN + s.payload.len();
+        sum += bytes;
+        match parts.iter_mut().find(|part| part.name == name) {
+            Some(part) => (part.count, part.bytes) = (part.count + 1, part.bytes + bytes),
+            None => parts.push(Part { name, count: 1, bytes }),
+        }
+    }
+    let header = avatar.bytes().len() - sum;
+    debug_assert!(header > preamble::LEN);
+    parts.insert(0, Part { name: "header".into(), count: 1, bytes: header });
+    parts
+}

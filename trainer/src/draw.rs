@@ -1,0 +1,150 @@
+//! Draws a file as its users will: by the runtime, from its bytes.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use dermis_runtime::{
+    Avatar, Background, Camera, Framebuffer, Plan, Pose, Posed, Prepared, Statistics, render,
+    scratch_len,
+};
+use glam::Vec3;
+use serde::Serialize;
+
+use crate::scene::{Bounds, RigScale, camera_towards};
+
+/// A frame that the runtime drew.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// RGBA8, row 0 on top, no gaps between rows.
+    pub rgba: Vec<u8>,
+    /// What it took.
+    pub statistics: Statistics,
+    /// Bytes of scratch that were lent.
+    pub scratch_bytes: usize,
+}
+
+/// From so many times its longest edge an upright box is seen whole, 50° high.
+const FITTING_DISTANCE: f32 = 1.3;
+
+/// Time of each stage of a frame, on one thread.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Milliseconds {
+    /// Joints, vertices, triangle frames.
+    pub pose: f64,
+    /// The plan.
+    pub select: f64,
+    /// Splats, and how many each tile has.
+    pub project: f64,
+    /// Lists of the tiles, front to back.
+    pub sort: f64,
+    /// Blending and writing pixels.
+    pub raster: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// Draws one frame over `background`.
+pub fn draw(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Result<Drawn> {
+    let mut scratch = vec![0; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
+    let mut rgba = vec![0; camera.width as usize * camera.height as usize * 4];
+    let mut framebuffer = framebuffer(&mut rgba, camera.width, background);
+    let statistics = render(avatar, pose, plan, camera, &mut scratch, &mut framebuffer)?;
+    Ok(Drawn { rgba, statistics, scratch_bytes: scratch.len() * 4 })
+}
+
+/// Draws one frame stage by stage with a clock beside it. Lists are made once more than needed:
+/// alone, to know their share.
+pub fn draw_timed(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: impl FnOnce() -> Plan,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Result<(Drawn, Plan, Milliseconds)> {
+    let (width, height) = (camera.width, camera.height);
+    let mut posing = vec![0; Posed::scratch_len(avatar)];
+    let mut clock = Clock::start();
+    let posed = Posed::new(avatar, pose, &mut posing)?;
+    let pose_time = clock.lap();
+    let plan = plan();
+    let select = clock.lap();
+    let budget = plan.gaussians();
+    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
+    let mut rgba = vec![0; width as usize * height as usize * 4];
+    clock.lap();
+    let prepared = Prepared::new(&posed, &plan, camera, &mut preparing)?;
+    let project = clock.lap();
+    prepared.for_each_list(0..prepared.tile_rows(), &mut drawing, |_, _| ())?;
+    let sort = clock.lap();
+    let drawn = prepared.draw(&mut drawing, &mut framebuffer(&mut rgba, width, background))?;
+    let raster = (clock.lap() - sort).max(0.0);
+    let total = pose_time + select + project + sort + raster;
+    let statistics = Statistics {
+        gaussians_selected: prepared.gaussians_selected(),
+        gaussians_visible: prepared.splats().len() as u32,
+        blends: drawn.blends,
+    };
+    let scratch_bytes = 4 * scratch_len(avatar, budget, width, height);
+    let ms = Milliseconds { pose: pose_time, select, project, sort, raster, total };
+    Ok((Drawn { rgba, statistics, scratch_bytes }, plan, ms))
+}
+
+/// A camera around the avatar: `yaw` degrees to its left, `pitch` degrees above the horizon, at
+/// `distance` metres from the middle of its posed box (by default so that all of it is seen).
+pub fn orbit(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    yaw: f32,
+    pitch: f32,
+    distance: Option<f32>,
+    width: u32,
+    height: u32,
+) -> Result<Camera> {
+    let mut scratch = vec![0; Posed::scratch_len(avatar)];
+    let posed = Posed::new(avatar, pose, &mut scratch)?;
+    let vertices: Vec<Vec3> = posed.vertices().iter().copied().map(Vec3::from).collect();
+    let corners = [avatar.header().box_min, avatar.header().box_max].map(Vec3::from);
+    let bounds = Bounds::of(if vertices.is_empty() { &corners } else { &vertices });
+    let extent = bounds.largest_extent();
+    let vertical_fov = RigScale::of_extent(extent).vertical_fov;
+    let (yaw, pitch) = (yaw.to_radians(), pitch.to_radians());
+    let direction = Vec3::new(yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos());
+    let distance = distance.unwrap_or(FITTING_DISTANCE * extent);
+    Ok(camera_towards(bounds.center(), direction, distance, vertical_fov, width, height))
+}
+
+fn framebuffer(rgba: &mut [u8], width: u32, background: [f32; 3]) -> Framebuffer<'_> {
+    Framebuffer {
+        pixels: rgba,
+        stride: width as usize * 4,
+        background: Background::Color(background),
+    }
+}
+
+/// Milliseconds from lap to lap.
+struct Clock(Instant);
+
+impl Clock {
+    fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    fn lap(&mut self) -> f64 {
+        let now = Instant::now();
+        let lap = now - self.0;
+        self.0 = now;
+        lap.as_secs_f64() * 1e3
+    }
+}
+
+/// RGB of an RGBA8 picture.
+pub fn rgb_of(rgba: &[u8]) -> Vec<u8> {
+    rgba.as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect()
+}

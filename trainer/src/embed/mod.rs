@@ -1,0 +1,11 @@
+//! Where Gaussians are put, and what they are before training.
+//!
+//! [`surface`] measures the mesh at rest, [`placement`] spreads points evenly over it in coarse to
+//! fine order, [`hierarchy`] is LoDAvatar's embedding, [`initial`] gives points their first
+//! colour, scale and opacity, [`sides`] says which backs are seen.
+
+pub mod hierarchy;
+pub mod initial;
+pub mod placement;
+pub mod sides;
+pub mod surface;

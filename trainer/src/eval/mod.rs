@@ -1,0 +1,269 @@
+//! Quality of a file against its mesh (design.md, section 9).
+//!
+//! *Novel view*: the poses it was trained on, seen from 42 other directions. *Reenactment*: poses
+//! of clips it was not trained on. Pictures are drawn by the runtime from the file's bytes and
+//! compared with the textured mesh, 8 bits a channel; each figure is the mean over pictures.
+//!
+//! [`reference`] is the f64 renderer that the runtime is measured against.
+
+pub mod reference;
+
+use anyhow::{Context, Result, ensure};
+use dermis_format::section::{self, Sections};
+use dermis_runtime::{Avatar, Plan};
+use serde::Serialize;
+
+use crate::draw::{draw, rgb_of};
+use crate::metrics::{Rect, flip::flip, psnr::psnr_db, ssim::ssim_u8};
+use crate::model::Model;
+use crate::progress;
+use crate::scene::{self, KeyFrame, Painter, RigScale, Truth};
+use crate::train::runtime_pose;
+
+/// What is measured, and on what.
+#[derive(Clone, Debug)]
+pub struct EvalOptions {
+    /// Poses of each split.
+    pub key_frames: u32,
+    /// Directions from which each is seen, at most 42.
+    pub views: u32,
+    /// Width and height of the pictures, px.
+    pub size: u32,
+    /// Behind the avatar.
+    pub background: [f32; 3],
+    /// Counts to measure beside the file's levels.
+    pub budgets: Vec<u32>,
+}
+
+/// Poses that were trained on or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Split {
+    /// Training poses from other directions.
+    NovelView,
+    /// Poses of other clips.
+    Reenactment,
+}
+
+/// Quality at one count of Gaussians.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Which poses.
+    pub split: Split,
+    /// Level of detail that the count is.
+    pub level: f32,
+    /// Budget that was asked for; none for the file's own levels.
+    pub budget: Option<u32>,
+    /// Gaussians drawn at most.
+    pub gaussians: u32,
+    /// Bytes of the file that such a picture needs.
+    pub bytes: usize,
+    /// Over the whole frame.
+    pub psnr_db: f64,
+    /// Over the pixels that the mesh covers at all.
+    pub psnr_foreground_db: f64,
+    /// 11 × 11 Gaussian window.
+    pub ssim: f64,
+    /// Mean FLIP at 67 pixels per degree.
+    pub flip: f64,
+}
+
+/// All rows.
+#[derive(Clone, Debug, Serialize)]
+pub struct Evaluation {
+    /// Pictures that each row is the mean of, per split.
+    pub views: usize,
+    /// By split, then by count.
+    pub rows: Vec<Row>,
+}
+
+/// Measures `avatar` against `model`.
+pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Result<Evaluation> {
+    let header = avatar.header();
+    ensure!(
+        header.triangles as usize == model.triangles.len(),
+        "the avatar has {} triangles and the mesh has {}; give the mesh that it was trained on",
+        header.triangles,
+        model.triangles.len()
+    );
+    let plans = plans(avatar, &options.budgets);
+    let painter = Painter::new(model);
+    let trained = trained_key_frames(avatar);
+    let count = options.key_frames as usize;
+    let mut clips: Vec<usize> = trained.iter().filter_map(|frame| frame.clip).collect();
+    clips.dedup();
+    let unseen = scene::reenactment_key_frames(model, &clips, count);
+    let novel = &trained[..trained.len().min(count)];
+    let mut rows = Vec::new();
+    for (split, frames) in [(Split::NovelView, novel), (Split::Reenactment, &unseen[..])] {
+        if frames.is_empty() {
+            continue;
+        }
+        let sums = measure(avatar, &painter, frames, split, &plans, options)?;
+        rows.extend(plans.iter().zip(sums).map(|(plan, sum)| plan.row(avatar, split, &sum)));
+    }
+    Ok(Evaluation { views: novel.len() * directions(Split::NovelView, options).len(), rows })
+}
+
+/// The key frames that the file says it was trained on; its rest pose if it says none.
+fn trained_key_frames(avatar: &Avatar<'_>) -> Vec<KeyFrame> {
+    let frames = avatar.key_frames().iter().map(|frame| KeyFrame {
+        clip: Some(usize::from(frame.clip.get())).filter(|&clip| clip != usize::from(u16::MAX)),
+        seconds: frame.seconds.get(),
+    });
+    let frames: Vec<_> = frames.collect();
+    if frames.is_empty() { vec![KeyFrame::REST] } else { frames }
+}
+
+fn directions(split: Split, options: &EvalOptions) -> Vec<glam::Vec3> {
+    let all = match split {
+        Split::NovelView => scene::novel_directions(),
+        Split::Reenactment => scene::training_directions(),
+    };
+    all[..options.views.clamp(1, 42) as usize].to_vec()
+}
+
+/// A count to measure.
+struct Measured {
+    budget: Option<u32>,
+    plan: Plan,
+}
+
+/// The file's levels and the budgets, by count, each count once.
+fn plans(avatar: &Avatar<'_>, budgets: &[u32]) -> Vec<Measured> {
+    let levels =
+        (0..avatar.header().layers).map(|level| (None, Plan::at_level(avatar, f32::from(level))));
+    let budgets = budgets.iter().map(|&budget| (Some(budget), Plan::with_budget(avatar, budget)));
+    let mut plans: Vec<_> =
+        levels.chain(budgets).map(|(budget, plan)| Measured { budget, plan }).collect();
+    plans.sort_by_key(|measured| measured.plan.gaussians());
+    plans.dedup_by_key(|measured| measured.plan.gaussians());
+    plans
+}
+
+impl Measured {
+    fn row(&self, avatar: &Avatar<'_>, split: Split, sum: &Sum) -> Row {
+        let mean = |value: f64| value / f64::from(sum.pictures.max(1));
+        Row {
+            split,
+            level: self.plan.level(avatar),
+            budget: self.budget,
+            gaussians: self.plan.gaussians(),
+            bytes: bytes_of(avatar, &self.plan),
+            psnr_db: mean(sum.psnr),
+            psnr_foreground_db: sum.foreground / f64::from(sum.covered.max(1)),
+            ssim: mean(sum.ssim),
+            flip: mean(sum.flip),
+        }
+    }
+}
+
+/// Bytes of the file up to the last block that a plan draws from.
+pub fn bytes_of(avatar: &Avatar<'_>, plan: &Plan) -> usize {
+    let mut blocks = avatar.blocks();
+    let mut end = 0;
+    let mut needed = 0;
+    let all: usize = avatar.sections().map(|s| section::head::LEN + s.payload.len()).sum();
+    let start = avatar.bytes().len() - all;
+    let sections: Sections<'_> = avatar.sections();
+    for section in sections {
+        end += section::head::LEN + section.payload.len();
+        let counts = if section.tag == section::tag::BLOCK {
+            let region = |b: dermis_format::Block<'_>| {
+                plan.regions().get(usize::from(b.region)).map(|r| r.count > b.first)
+            };
+            blocks.next().and_then(region).unwrap_or(false)
+        } else {
+            true
+        };
+        if counts {
+            needed = end;
+        }
+    }
+    start + needed
+}
+
+/// Sums over pictures.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    pictures: u32,
+    psnr: f64,
+    covered: u32,
+    foreground: f64,
+    ssim: f64,
+    flip: f64,
+}
+
+impl Sum {
+    fn add(&mut self, other: &Self) {
+        self.pictures += other.pictures;
+        self.psnr += other.psnr;
+        self.covered += other.covered;
+        self.foreground += other.foreground;
+        self.ssim += other.ssim;
+        self.flip += other.flip;
+    }
+}
+
+fn measure(
+    avatar: &Avatar<'_>,
+    painter: &Painter<'_>,
+    frames: &[KeyFrame],
+    split: Split,
+    plans: &[Measured],
+    options: &EvalOptions,
+) -> Result<Vec<Sum>> {
+    let rig = RigScale::of(painter.model());
+    let directions = directions(split, options);
+    let mut sums = vec![Sum::default(); plans.len()];
+    let bar = progress::bar("measuring", (frames.len() * directions.len()) as u64);
+    for frame in frames {
+        let posed = scene::posed_vertices(painter.model(), &frame.pose(painter.model()));
+        let cameras = rig.cameras(&directions, &posed, options.size, options.size);
+        let shots: Vec<_> =
+            cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
+        let measured =
+            scene::render_views(painter, &shots, options.background, 4, |index, truth| {
+                bar.inc(1);
+                let compare = |m: &Measured| -> Result<Sum> {
+                    let pose = runtime_pose(frame);
+                    let drawn = draw(avatar, &pose, &m.plan, &cameras[index], options.background)?;
+                    Ok(compare(&truth, &rgb_of(&drawn.rgba)))
+                };
+                plans.iter().map(compare).collect::<Result<Vec<_>>>()
+            });
+        for picture in measured {
+            let picture = picture.context("the avatar cannot be drawn")?;
+            sums.iter_mut().zip(&picture).for_each(|(sum, one)| sum.add(one));
+        }
+    }
+    bar.finish_and_clear();
+    Ok(sums)
+}
+
+/// Figures of one picture.
+fn compare(truth: &Truth, drawn: &[u8]) -> Sum {
+    let (width, height) = (truth.picture.width, truth.picture.height);
+    let exact = truth.picture.to_bytes();
+    let mask: Vec<bool> = truth.coverage.iter().map(|&c| c > 0.0).collect();
+    let foreground = psnr_db(&exact, drawn, Some(&mask));
+    Sum {
+        pictures: 1,
+        psnr: psnr_db(&exact, drawn, None).unwrap_or(0.0),
+        covered: u32::from(foreground.is_some()),
+        foreground: foreground.unwrap_or(0.0),
+        ssim: ssim_u8(&exact, drawn, width, height),
+        flip: flip(&exact, drawn, width, height, differing(&exact, drawn, width)),
+    }
+}
+
+/// The least rectangle outside of which both pictures are equal.
+fn differing(a: &[u8], b: &[u8], width: u32) -> Option<Rect> {
+    let pixels = a.as_chunks::<3>().0.iter().zip(b.as_chunks::<3>().0).enumerate();
+    let corners = pixels.filter(|(_, (a, b))| a != b).fold(None, |corners, (index, _)| {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        let [x0, y0, x1, y1] = corners.unwrap_or([x, y, x, y]);
+        Some([x0.min(x), y0.min(y), x1.max(x), y1.max(y)])
+    });
+    corners.map(|[x0, y0, x1, y1]| Rect { x: x0, y: y0, width: x1 + 1 - x0, height: y1 + 1 - y0 })
+}

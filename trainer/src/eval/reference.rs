@@ -1,0 +1,184 @@
+//! The reference renderer: the runtime's definitions in f64.
+//!
+//! It starts from the runtime's posed vertices and decoded Gaussians. Discrete decisions (what is
+//! culled, in which order splats stand, which pixels skip a splat, which are finished) are the
+//! runtime's own f32 ones, so that the difference is rounding and nothing else.
+
+use anyhow::Result;
+use dermis_format::{FrameKind, LowPass};
+use dermis_runtime::frame::Frame;
+use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
+use dermis_runtime::harmonics;
+use dermis_runtime::math::{Real, dot, scale, sub};
+use dermis_runtime::prepare::{SplatCamera, for_each_visible};
+use dermis_runtime::project::{HALF_LOG2_E, Splat, View, project};
+use dermis_runtime::raster::{CLEAR, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha};
+use dermis_runtime::select::{Local, Selected};
+use dermis_runtime::tiles::{Pair, TileGrid};
+use dermis_runtime::{Avatar, Camera, Plan, Pose, Posed, Prepared};
+
+/// A splat in f64.
+#[derive(Clone, Copy, Debug)]
+struct Exact {
+    mean: [f64; 2],
+    falloff: [f64; 3],
+    log2_opacity: f64,
+    color: [f64; 3],
+}
+
+/// Draws one frame over `background`: (r, g, b) of each pixel, row-major, not rounded.
+pub fn draw_reference(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Result<Vec<[f64; 3]>> {
+    let (width, height) = (camera.width, camera.height);
+    let budget = plan.gaussians();
+    let mut posing = vec![0; Posed::scratch_len(avatar)];
+    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
+    let posed = Posed::new(avatar, pose, &mut posing)?;
+    let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
+    let exact = exact_splats(&posed, plan, camera);
+    let grid = TileGrid::new(width, height);
+    let background = background.map(f64::from);
+    let mut picture = vec![background; width as usize * height as usize];
+    prepared.for_each_tile(0..prepared.tile_rows(), &mut drawing, |tile, order, _| {
+        draw_tile(&grid, tile, prepared.splats(), &exact, order, background, &mut picture);
+    })?;
+    Ok(picture)
+}
+
+/// One for each splat that the runtime draws, in the same order.
+fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
+    let avatar = posed.avatar();
+    let low_pass = avatar.header().low_pass;
+    let screen = SplatCamera {
+        view: View::new(camera),
+        low_pass,
+        width: camera.width,
+        height: camera.height,
+    };
+    let view = View::<f64>::new(camera);
+    let mut exact = Vec::new();
+    for_each_visible(posed, plan, screen.view.eye, |selected, frame| {
+        if screen.splat(selected, frame).is_some() {
+            let frame = exact_frame(posed, selected.triangle);
+            exact.push(exact_splat(&view, low_pass, selected, &frame));
+        }
+    });
+    exact
+}
+
+fn exact_frame(posed: &Posed<'_, '_>, triangle: Option<u32>) -> Frame<f64> {
+    let corners = |triangle: u32| {
+        let corner = |vertex: u32| posed.vertices()[vertex as usize].map(f64::from);
+        posed.avatar().triangle(triangle as usize).map(corner)
+    };
+    let kind: FrameKind = posed.avatar().header().frame;
+    let frame = triangle.and_then(|triangle| Frame::of_triangle(kind, corners(triangle)));
+    frame.unwrap_or_else(Frame::world)
+}
+
+fn exact_splat(
+    view: &View<f64>,
+    low_pass: LowPass,
+    selected: &Selected<'_>,
+    frame: &Frame<f64>,
+) -> Exact {
+    match &selected.gaussian {
+        Local::Disc(disc) => {
+            let angle = f64::from(disc.angle);
+            let ellipsoid =
+                disc_on(frame, disc.position.map(f64::from), angle, disc.log2_scale.map(f64::from));
+            let color = disc.color.map(|c| f64::from(c).at_least(0.0));
+            packed(view, low_pass, &ellipsoid, disc.opacity, color)
+        }
+        Local::Full(full) => {
+            let ellipsoid = full_on(
+                frame,
+                full.position.map(f64::from),
+                full.rotation.map(f64::from),
+                full.log2_scale.map(f64::from),
+            );
+            let ray = sub(ellipsoid.center, view.eye);
+            let direction = scale(ray, 1.0 / dot(ray, ray).sqrt());
+            let color = harmonics::color(full.color, selected.harmonics, direction);
+            packed(view, low_pass, &ellipsoid, full.opacity, color)
+        }
+    }
+}
+
+fn packed<const N: usize>(
+    view: &View<f64>,
+    low_pass: LowPass,
+    ellipsoid: &Ellipsoid<f64, N>,
+    opacity: f32,
+    color: [f64; 3],
+) -> Exact {
+    let invisible =
+        Exact { mean: [0.0; 2], falloff: [0.0; 3], log2_opacity: f64::NEG_INFINITY, color };
+    let Some(p) = project(view, low_pass, ellipsoid) else { return invisible };
+    let half_log2_e = f64::from(HALF_LOG2_E);
+    let [xx, xy, yy] = p.conic;
+    Exact {
+        mean: p.mean,
+        falloff: [xx * half_log2_e, 2.0 * xy * half_log2_e, yy * half_log2_e],
+        log2_opacity: (f64::from(opacity) * p.compensation).log2(),
+        color,
+    }
+}
+
+fn draw_tile(
+    grid: &TileGrid,
+    tile: u32,
+    splats: &[Splat],
+    exact: &[Exact],
+    order: &[Pair],
+    background: [f64; 3],
+    picture: &mut [[f64; 3]],
+) {
+    let [columns, rows] = grid.pixels(tile);
+    for y in rows {
+        for x in columns.clone() {
+            // The runtime's own pixel decides; the exact one follows.
+            let mut decided = CLEAR;
+            let (mut color, mut transmittance) = ([0.0; 3], 1.0);
+            for pair in order {
+                if decided[3] < LEAST_TRANSMITTANCE {
+                    break;
+                }
+                let (splat, exact) = (&splats[pair.splat as usize], &exact[pair.splat as usize]);
+                if !touches(splat, x, y) {
+                    continue;
+                }
+                let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
+                let Some(rounded) =
+                    alpha(log2_alpha(splat, px - splat.mean[0], py - splat.mean[1]))
+                else {
+                    continue;
+                };
+                blend(&mut decided, rounded, splat.color);
+                let weight = transmittance * exact_alpha(exact, f64::from(px), f64::from(py));
+                color.iter_mut().zip(exact.color).for_each(|(sum, c)| *sum += weight * c);
+                transmittance -= weight;
+            }
+            let over = core::array::from_fn(|i| color[i] + transmittance * background[i]);
+            picture[(y * grid.width + x) as usize] = over;
+        }
+    }
+}
+
+fn touches(splat: &Splat, x: u32, y: u32) -> bool {
+    let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
+    (x0..x1).contains(&x) && (y0..y1).contains(&y)
+}
+
+fn exact_alpha(splat: &Exact, px: f64, py: f64) -> f64 {
+    let (dx, dy) = (px - splat.mean[0], py - splat.mean[1]);
+    let [a, b, c] = splat.falloff;
+    let exponent = splat.log2_opacity - (a * dx * dx + b * dx * dy + c * dy * dy);
+    exponent.at_most(0.0).exp2().at_most(0.99)
+}

@@ -1,0 +1,88 @@
+//! Adam (Kingma & Ba 2015) with a rate for each kind of parameter.
+
+use super::cloud::{PARAMETERS, Parameters};
+
+const BETA1: f32 = 0.9;
+const BETA2: f32 = 0.99;
+/// Relative to the scale of gradients per pixel, which is about 1e-6.
+const EPSILON: f32 = 1e-15;
+
+/// Moments of one Gaussian's gradient.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moments {
+    first: [f32; PARAMETERS],
+    second: [f32; PARAMETERS],
+    /// β₁ᵗ and β₂ᵗ after t steps of this Gaussian: it moves only when it is drawn.
+    decay: [f32; 2],
+}
+
+impl Default for Moments {
+    fn default() -> Self {
+        Self { first: [0.0; PARAMETERS], second: [0.0; PARAMETERS], decay: [1.0; 2] }
+    }
+}
+
+/// Step lengths, in the unit of each parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// In standard deviations of the Gaussian.
+    pub position: f32,
+    /// Radians.
+    pub angle: f32,
+    /// log₂.
+    pub log2_scale: f32,
+    /// Logit.
+    pub logit: f32,
+    /// sRGB.
+    pub color: f32,
+}
+
+impl Rates {
+    /// All rates times `factor`.
+    pub fn times(self, factor: f32) -> Self {
+        Self {
+            position: self.position * factor,
+            angle: self.angle * factor,
+            log2_scale: self.log2_scale * factor,
+            logit: self.logit * factor,
+            color: self.color * factor,
+        }
+    }
+
+    /// Per parameter of a Gaussian whose standard deviation is `sigma`.
+    fn array(&self, sigma: f32) -> [f32; PARAMETERS] {
+        Parameters {
+            position: [self.position * sigma; 3],
+            angle: self.angle,
+            log2_scale: [self.log2_scale; 2],
+            logit: self.logit,
+            color: [self.color; 3],
+        }
+        .to_array()
+    }
+}
+
+impl Moments {
+    /// One step of one Gaussian. `sigma` scales the steps of its position.
+    pub fn step(
+        &mut self,
+        parameters: &mut Parameters,
+        gradient: &[f32; PARAMETERS],
+        rates: &Rates,
+        sigma: f32,
+    ) {
+        self.decay = [self.decay[0] * BETA1, self.decay[1] * BETA2];
+        let [correction1, correction2] = self.decay.map(|decay| 1.0 - decay);
+        let mut values = parameters.to_array();
+        let rates = rates.array(sigma);
+        for i in 0..PARAMETERS {
+            let g = gradient[i];
+            self.first[i] = BETA1 * self.first[i] + (1.0 - BETA1) * g;
+            self.second[i] = BETA2 * self.second[i] + (1.0 - BETA2) * g * g;
+            let mean = self.first[i] / correction1;
+            let deviation = (self.second[i] / correction2).sqrt();
+            values[i] -= rates[i] * mean / (deviation + EPSILON);
+        }
+        *parameters = Parameters::from_array(values);
+    }
+}

@@ -1,0 +1,162 @@
+//! The picture of a prefix, drawn by the runtime's own stages.
+
+use dermis_format::{FrameKind, LowPass};
+use dermis_runtime::Camera;
+use dermis_runtime::frame::Frame;
+use dermis_runtime::gaussian::disc_on;
+use dermis_runtime::prepare::SplatCamera;
+use dermis_runtime::project::{Splat, View};
+use dermis_runtime::raster::{CLEAR, TilePixels, draw_tile};
+use dermis_runtime::tiles::{Pair, TILE, TileGrid, count_tiles, fill_run};
+use rayon::prelude::*;
+
+use super::cloud::Cloud;
+use crate::picture::Picture;
+
+/// Gaussians that one task projects.
+const CHUNK: usize = 4096;
+
+/// A posed mesh: the frame of each triangle, and which backs are seen.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Of each triangle; `None` where it has no area.
+    pub frames: Vec<Option<Frame<f32>>>,
+    /// Whether the triangle's back is seen.
+    pub two_sided: std::sync::Arc<[bool]>,
+}
+
+impl Stage {
+    /// The frame of a triangle that can be seen from `eye`.
+    pub fn visible(&self, triangle: u32, eye: [f32; 3]) -> Option<&Frame<f32>> {
+        let frame = self.frames[triangle as usize].as_ref()?;
+        let shown = self.two_sided[triangle as usize] || frame.faces(FrameKind::Area, eye);
+        shown.then_some(frame)
+    }
+}
+
+/// How many Gaussians a picture has, and how much wider that makes them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prefix {
+    /// Gaussians of lower rank are drawn.
+    pub count: u32,
+    /// Added to log₂ of their scales.
+    pub log2_scale: f32,
+}
+
+impl Prefix {
+    /// The first `count` of `len` under the runtime's law of scales.
+    pub fn of(count: u32, len: u32) -> Self {
+        Self { count, log2_scale: dermis_runtime::plan::prefix_log2_scale(count, len) }
+    }
+}
+
+/// A drawn picture, and all that the way back needs.
+#[derive(Debug, Default)]
+pub struct Forward {
+    /// What was drawn.
+    pub splats: Vec<Splat>,
+    /// Index into the cloud of each splat's Gaussian.
+    pub sources: Vec<u32>,
+    /// Rows of tiles.
+    pub bands: Vec<Band>,
+    /// Over the background.
+    pub picture: Picture,
+}
+
+/// Lists of a row of tiles.
+#[derive(Debug, Default)]
+pub struct Band {
+    /// All tiles' lists in a row, each front to back.
+    pub pairs: Vec<Pair>,
+    /// End of each tile's list.
+    pub ends: Vec<u32>,
+}
+
+/// Draws a prefix of the cloud over `background`.
+pub fn draw(
+    cloud: &Cloud,
+    prefix: Prefix,
+    stage: &Stage,
+    camera: &Camera,
+    low_pass: LowPass,
+    background: [f32; 3],
+) -> Forward {
+    let view = View::new(camera);
+    let screen = SplatCamera { view, low_pass, width: camera.width, height: camera.height };
+    let chunks: Vec<Vec<(Splat, u32)>> = (0..cloud.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let places = chunk * CHUNK..cloud.len().min((chunk + 1) * CHUNK);
+            let drawn = places.filter(|&i| cloud.ranks[i] < prefix.count);
+            drawn
+                .filter_map(|i| Some((splat(cloud, i, prefix, stage, &screen)?, i as u32)))
+                .collect()
+        })
+        .collect();
+    let mut forward = Forward {
+        picture: Picture::filled(camera.width, camera.height, background),
+        ..Forward::default()
+    };
+    for (splat, source) in chunks.into_iter().flatten() {
+        forward.splats.push(splat);
+        forward.sources.push(source);
+    }
+    let grid = TileGrid::new(camera.width, camera.height);
+    let mut counts = vec![0; grid.tiles()];
+    count_tiles(&grid, &forward.splats, &mut counts);
+    let rows = forward.picture.rgb.par_chunks_mut((camera.width * TILE) as usize).enumerate();
+    forward.bands = rows
+        .map(|(row, pixels)| {
+            draw_band(&grid, row as u32, &forward.splats, &counts, background, pixels)
+        })
+        .collect();
+    forward
+}
+
+/// The splat of Gaussian `i`; `None` if it is not seen.
+fn splat(
+    cloud: &Cloud,
+    i: usize,
+    prefix: Prefix,
+    stage: &Stage,
+    screen: &SplatCamera,
+) -> Option<Splat> {
+    let frame = stage.visible(cloud.gaussians[i].triangle, screen.view.eye)?;
+    let p = &cloud.gaussians[i].parameters;
+    let ellipsoid =
+        disc_on(frame, p.position, p.angle, p.log2_scale.map(|s| s + prefix.log2_scale));
+    screen.pack(&ellipsoid, p.opacity(), p.color.map(|c| c.max(0.0)))
+}
+
+fn draw_band(
+    grid: &TileGrid,
+    row: u32,
+    splats: &[Splat],
+    counts: &[u32],
+    background: [f32; 3],
+    pixels: &mut [[f32; 3]],
+) -> Band {
+    let run = row * grid.columns..(row + 1) * grid.columns;
+    let pairs = counts[run.start as usize..run.end as usize].iter().sum::<u32>();
+    let mut band = Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()] };
+    fill_run(grid, splats, counts, run.clone(), &mut band.pairs, &mut band.ends);
+    let mut tile_pixels: Box<TilePixels> = Box::new([CLEAR; (TILE * TILE) as usize]);
+    let mut start = 0;
+    for (tile, &end) in run.zip(&band.ends) {
+        let order = &band.pairs[start as usize..end as usize];
+        start = end;
+        if order.is_empty() {
+            continue;
+        }
+        tile_pixels.fill(CLEAR);
+        let [columns, rows] = grid.pixels(tile);
+        draw_tile(splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
+        for (y, line) in (0..rows.len()).zip(tile_pixels.chunks_exact(TILE as usize)) {
+            let to = y * grid.width as usize + columns.start as usize;
+            for (pixel, [r, g, b, t]) in pixels[to..to + columns.len()].iter_mut().zip(line) {
+                *pixel = [r + t * background[0], g + t * background[1], b + t * background[2]];
+            }
+        }
+    }
+    band
+}

@@ -1,0 +1,21 @@
+//! The differentiable renderer and what descends its gradients.
+//!
+//! 1. [`cloud`] holds the Gaussians' parameters in the order of the file.
+//! 2. [`forward`] draws them with the runtime's own projection, lists and blending.
+//! 3. [`loss`] compares with the truth.
+//! 4. [`backward`] walks the same lists again and sums gradients per splat; [`projection`] takes
+//!    them from the screen to the parameters.
+//! 5. [`adam`] moves the parameters.
+//! 6. [`schedule`] says how many steps, which prefix, and which rates.
+//! 7. [`descend`] puts them in a loop.
+//!
+//! Every sum runs in an order that the data fixes, so the result does not depend on threads.
+
+pub mod adam;
+pub mod backward;
+pub mod cloud;
+pub mod descend;
+pub mod forward;
+pub mod loss;
+pub mod projection;
+pub mod schedule;

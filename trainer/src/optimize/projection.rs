@@ -1,0 +1,125 @@
+//! From the gradient by a splat to the gradient by its Gaussian's parameters: the derivative of
+//! `dermis_runtime::{gaussian::disc_on, project::project, project::Splat::pack}`.
+
+use dermis_format::LowPass;
+use dermis_runtime::frame::Frame;
+use dermis_runtime::gaussian::disc_on;
+use dermis_runtime::math::{Real, add, dot, scale};
+use dermis_runtime::project::{HALF_LOG2_E, LOW_PASS, View};
+
+/// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
+#[derive(Clone, Copy, Debug)]
+pub struct ByScreen<R> {
+    /// By the mean, px.
+    pub mean: [R; 2],
+    /// By a, b, c of the falloff.
+    pub falloff: [R; 3],
+    /// By log₂ of the opacity after compensation.
+    pub log2_opacity: R,
+}
+
+/// Gradient by a disc's geometry in its frame.
+#[derive(Clone, Copy, Debug)]
+pub struct ByDisc<R> {
+    /// By the position.
+    pub position: [R; 3],
+    /// By the angle.
+    pub angle: R,
+    /// By log₂ of the scales.
+    pub log2_scale: [R; 2],
+}
+
+/// Takes the gradient of one splat to the disc it came from, which was at `position`, `angle`,
+/// `log2_scale` in `frame`.
+pub fn by_disc<R: Real>(
+    view: &View<R>,
+    low_pass: LowPass,
+    frame: &Frame<R>,
+    (position, angle, log2_scale): ([R; 3], R, [R; 2]),
+    by: &ByScreen<R>,
+) -> ByDisc<R> {
+    let disc = disc_on(frame, position, angle, log2_scale);
+    let p @ [x, y, z] = view.point(disc.center);
+    let slopes = view.slopes(p);
+    let [(sx, clamped_x), (sy, clamped_y)] = slopes;
+    let [fx, fy] = view.focal();
+    let (jx, jy) = (fx / z, fy / z);
+    let axes = disc.axes.map(|axis| view.direction(axis));
+    let b = axes.map(|[ax, ay, az]| [jx * (ax - sx * az), jy * (ay - sy * az)]);
+
+    let by_b = by_screen_axes(b, low_pass, by);
+
+    // bᵢ = (jx (ax − sx az), jy (ay − sy az)).
+    let (mut by_jx, mut by_jy, mut by_sx, mut by_sy) = (R::ZERO, R::ZERO, R::ZERO, R::ZERO);
+    let mut by_axes = [[R::ZERO; 3]; 2];
+    for (i, &[gu, gv]) in by_b.iter().enumerate() {
+        let [ax, ay, az] = axes[i];
+        by_axes[i] = [jx * gu, jy * gv, -(jx * sx * gu + jy * sy * gv)];
+        by_jx = by_jx + gu * (ax - sx * az);
+        by_jy = by_jy + gv * (ay - sy * az);
+        by_sx = by_sx - gu * jx * az;
+        by_sy = by_sy - gv * jy * az;
+    }
+    // mean = f (x / z) + c, j = f / z, s = x / z unless clamped.
+    let through = |by_s: R, clamped: bool| if clamped { R::ZERO } else { by_s };
+    let (by_slope_x, by_slope_y) =
+        (by.mean[0] * fx + through(by_sx, clamped_x), by.mean[1] * fy + through(by_sy, clamped_y));
+    let by_z = -(by_jx * jx + by_jy * jy + by_slope_x * (x / z) + by_slope_y * (y / z)) / z;
+    let by_center = to_world(view, [by_slope_x / z, by_slope_y / z, by_z]);
+    let by_axes = by_axes.map(|g| to_world(view, g));
+
+    let (sin, cos) = angle.sin_cos();
+    let [first, second] = log2_scale.map(R::exp2);
+    let along = add(scale(frame.x, cos), scale(frame.y, sin));
+    let across = add(scale(frame.x, -sin), scale(frame.y, cos));
+    let ln2 = R::of(core::f32::consts::LN_2);
+    ByDisc {
+        position: [dot(by_center, frame.x), dot(by_center, frame.y), dot(by_center, frame.z)],
+        angle: first * dot(by_axes[0], across) - second * dot(by_axes[1], along),
+        log2_scale: [ln2 * dot(by_axes[0], disc.axes[0]), ln2 * dot(by_axes[1], disc.axes[1])],
+    }
+}
+
+/// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)²:
+/// falloff = log₂e/2 · (yy, −2 xy, xx) / D, log₂ opacity = … + ½ log₂(det Σ / D).
+fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
+    let [[u0, v0], [u1, v1]] = b;
+    let h = R::of(LOW_PASS);
+    let (xx, xy, yy) = (u0 * u0 + u1 * u1, u0 * v0 + u1 * v1, v0 * v0 + v1 * v1);
+    let area = u0 * v1 - v0 * u1;
+    let det = area * area;
+    let filtered = det + h * (xx + yy) + h * h;
+    let (xx, yy) = (xx + h, yy + h);
+    let two = R::of(2.0);
+    let half_log2_e = R::of(HALF_LOG2_E) / filtered;
+    let [ga, gb, gc] = by.falloff;
+    let (by_xx, by_yy) = (gc * half_log2_e, ga * half_log2_e);
+    let by_xy = -(two * gb * half_log2_e);
+    let value = ga * yy * half_log2_e - two * gb * xy * half_log2_e + gc * xx * half_log2_e;
+    let mut by_filtered = -(value / filtered);
+    let mut by_det = R::ZERO;
+    if low_pass == LowPass::Compensated && det > R::ZERO {
+        let per_ratio = by.log2_opacity * R::of(HALF_LOG2_E);
+        by_filtered = by_filtered - per_ratio / filtered;
+        by_det = per_ratio / det;
+    }
+    let by_det = by_det + by_filtered;
+    let by_trace = h * by_filtered;
+    let by_area = two * area * by_det;
+    [
+        [
+            two * u0 * (by_xx + by_trace) + v0 * by_xy + by_area * v1,
+            two * v0 * (by_yy + by_trace) + u0 * by_xy - by_area * u1,
+        ],
+        [
+            two * u1 * (by_xx + by_trace) + v1 * by_xy - by_area * v0,
+            two * v1 * (by_yy + by_trace) + u1 * by_xy + by_area * u0,
+        ],
+    ]
+}
+
+/// Transposed rotation: camera axes → world axes.
+fn to_world<R: Real>(view: &View<R>, [gx, gy, gz]: [R; 3]) -> [R; 3] {
+    let [x, y, z] = view.rows();
+    core::array::from_fn(|i| x[i] * gx + y[i] * gy + z[i] * gz)
+}

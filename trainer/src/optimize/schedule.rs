@@ -1,0 +1,92 @@
+//! How long, how fast, and which prefix.
+
+use super::adam::Rates;
+use super::forward::Prefix;
+
+/// A small generator of random numbers whose sequence the seed fixes (PCG32, O'Neill 2014).
+#[derive(Clone, Debug)]
+pub struct Random {
+    state: u64,
+}
+
+impl Random {
+    /// A sequence of its own for each seed.
+    pub fn new(seed: u64) -> Self {
+        let mut random = Self { state: seed.wrapping_add(1_442_695_040_888_963_407) };
+        random.bits();
+        random
+    }
+
+    /// 32 random bits.
+    pub fn bits(&mut self) -> u32 {
+        let old = self.state;
+        self.state =
+            old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let mixed = (((old >> 18) ^ old) >> 27) as u32;
+        mixed.rotate_right((old >> 59) as u32)
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 16_777_216.0
+    }
+
+    /// Uniform in 0..n.
+    pub fn below(&mut self, n: u32) -> u32 {
+        ((u64::from(self.bits()) * u64::from(n)) >> 32) as u32
+    }
+
+    /// Uniform order (Fisher and Yates).
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for i in (1..items.len()).rev() {
+            items.swap(i, self.below(i as u32 + 1) as usize);
+        }
+    }
+}
+
+/// How a set of Gaussians is trained.
+#[derive(Clone, Debug)]
+pub struct Schedule {
+    /// Steps of one picture each.
+    pub steps: u32,
+    /// At the start.
+    pub rates: Rates,
+    /// The last step's rates, relative to the first one's.
+    pub last_rate: f32,
+    /// How prefixes are drawn; `None`: always all.
+    pub nested: Option<Nested>,
+}
+
+/// How prefixes are drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Nested {
+    /// Share of the steps that draw all.
+    pub whole: f32,
+    /// The least prefix, as a share of all; others are log-uniform between it and all.
+    pub least: f32,
+}
+
+impl Schedule {
+    /// Rates of a step: they fall exponentially.
+    pub fn rates_at(&self, step: u32) -> Rates {
+        let progress = step as f32 / self.steps.max(1) as f32;
+        self.rates.times(libm::powf(self.last_rate, progress))
+    }
+
+    /// The prefix of a step.
+    pub fn prefix(&self, len: u32, random: &mut Random) -> Prefix {
+        let Some(nested) = self.nested else { return Prefix { count: len, log2_scale: 0.0 } };
+        if random.unit() < nested.whole {
+            return Prefix::of(len, len);
+        }
+        let share = libm::powf(nested.least, random.unit());
+        Prefix::of(((len as f32 * share) as u32).clamp(1, len), len)
+    }
+}
+
+impl Default for Rates {
+    /// Found by trial on `valid_male.glb`.
+    fn default() -> Self {
+        Self { position: 0.05, angle: 0.03, log2_scale: 0.115, logit: 0.05, color: 0.01 }
+    }
+}

@@ -1,0 +1,95 @@
+//! What training may be told.
+
+use crate::optimize::adam::Rates;
+use crate::optimize::loss::Loss;
+use crate::optimize::schedule::{Nested, Schedule};
+
+/// How Gaussians are placed and trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Even placement in one nested order; every prefix is trained.
+    Dermis,
+    /// LoDAvatar: uniform subdivision, level by level, earlier levels fixed.
+    Lodavatar,
+}
+
+/// How much effort training takes: steps and key frames, never a clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Preset {
+    /// About a minute on two cores.
+    Draft,
+    /// About five minutes.
+    Default,
+    /// About twenty minutes.
+    Best,
+}
+
+/// Everything that training depends on, beside the mesh. Same options, same bytes.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// How Gaussians are placed and trained.
+    pub method: Method,
+    /// Gaussians wanted.
+    pub gaussians: u32,
+    /// Layers: of the nested order, or LoDAvatar's levels 0, 1, ….
+    pub levels: u32,
+    /// Directions from which each key frame is seen, at most 42.
+    pub views: u32,
+    /// Poses.
+    pub key_frames: u32,
+    /// Width and height of the pictures, px.
+    pub size: u32,
+    /// Names of the clips to train on; empty: all but the last.
+    pub clips: Vec<String>,
+    /// Steps of one picture each.
+    pub steps: u32,
+    /// Of everything random.
+    pub seed: u64,
+    /// Behind the avatar.
+    pub background: [f32; 3],
+    /// What to lessen.
+    pub loss: Loss,
+}
+
+impl Options {
+    /// Of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        let (steps, key_frames, size) = match preset {
+            Preset::Draft => (1_200, 4, 540),
+            Preset::Default => (6_000, 20, 540),
+            Preset::Best => (10_000, 20, 1080),
+        };
+        Self {
+            method: Method::Dermis,
+            gaussians: 75_000,
+            levels: 4,
+            views: 42,
+            key_frames,
+            size,
+            clips: Vec::new(),
+            steps,
+            seed: 1,
+            background: [1.0; 3],
+            loss: Loss::PAPER,
+        }
+    }
+
+    /// How a set that is trained as one descends.
+    pub fn schedule(&self) -> Schedule {
+        let nested = match self.method {
+            Method::Dermis => Some(Nested { whole: 0.3, least: 1.0 / 64.0 }),
+            Method::Lodavatar => None,
+        };
+        Schedule { steps: self.steps, rates: Rates::default(), last_rate: 0.1, nested }
+    }
+
+    /// Gaussians of each layer of a nested order of `count`: each layer but the first holds three
+    /// quarters of all up to it, so that levels differ by a factor of 4.
+    pub fn layers(&self, count: u32) -> Vec<u32> {
+        let levels = self.levels.max(1);
+        let up_to = |level: u32| (u64::from(count) >> (2 * (levels - 1 - level)).min(63)) as u32;
+        let layers =
+            (0..levels).map(|level| up_to(level) - if level == 0 { 0 } else { up_to(level - 1) });
+        layers.collect()
+    }
+}

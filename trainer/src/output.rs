@@ -1,0 +1,71 @@
+//! Output files, written whole or not at all.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+/// A file in the making: a temporary one beside it, which takes its name at the end. Made before
+/// long work starts, so that a folder that cannot be written to is no surprise after it.
+#[derive(Debug)]
+pub struct Output {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: File,
+}
+
+impl Output {
+    /// Reserves `path`.
+    pub fn create(path: &Path) -> Result<Self> {
+        let name = path
+            .file_name()
+            .with_context(|| format!("{}: names no file; give one", path.display()))?;
+        let temporary =
+            path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
+        let file = File::create(&temporary).with_context(|| {
+            format!("{}: cannot be written; choose another folder", path.display())
+        })?;
+        Ok(Self { path: path.to_owned(), temporary, file })
+    }
+
+    /// Writes everything and gives the file its name.
+    pub fn finish(mut self, bytes: &[u8]) -> Result<()> {
+        let written =
+            self.file.write_all(bytes).and_then(|()| fs::rename(&self.temporary, &self.path));
+        written.with_context(|| {
+            format!("{}: cannot be written; is there room on the disk?", self.path.display())
+        })
+    }
+}
+
+impl Drop for Output {
+    fn drop(&mut self) {
+        // After `finish` there is nothing of this name left.
+        let _ = fs::remove_file(&self.temporary);
+    }
+}
+
+/// Writes a file at once.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    Output::create(path)?.finish(bytes)
+}
+
+/// Reads a whole file.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path)
+        .with_context(|| format!("{}: cannot be read; is the path right?", path.display()))
+}
+
+/// PNG of an RGB8 or RGBA8 picture, by the number of bytes.
+pub fn png(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>> {
+    let color = match pixels.len() / (width as usize * height as usize).max(1) {
+        3 => image::ExtendedColorType::Rgb8,
+        _ => image::ExtendedColorType::Rgba8,
+    };
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    image::ImageEncoder::write_image(encoder, pixels, width, height, color)
+        .context("the picture cannot be encoded")?;
+    Ok(bytes)
+}

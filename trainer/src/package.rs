@@ -1,0 +1,146 @@
+//! From a model and its Gaussians to the bytes of a file.
+
+use anyhow::{Context, Result};
+use dermis_format::rig::Property;
+use dermis_format::source::{
+    Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
+};
+use glam::{Affine3A, Quat};
+
+use crate::model::{ChannelTarget, Interpolation, Model};
+use crate::optimize::cloud::Cloud;
+use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
+
+/// Clips are resampled at this rate, keys per second.
+const KEYS_PER_SECOND: f32 = 30.0;
+
+/// The mesh, rig and clips of `model`, without Gaussians.
+pub fn rigged_mesh(model: &Model) -> Source {
+    let rest = Bounds::of(&posed_vertices(model, &Pose::rest(model)));
+    let bound = !model.binds.is_empty();
+    Source {
+        mesh: Mesh {
+            positions: model.vertices.iter().map(|v| v.position.to_array()).collect(),
+            influences: if bound {
+                model.vertices.iter().map(|v| v.influences).collect()
+            } else {
+                Vec::new()
+            },
+            triangles: model.triangles.iter().map(|t| t.corners).collect(),
+            two_sided: vec![false; model.triangles.len()],
+            triangle_regions: Vec::new(),
+            morph_targets: model.morph_targets.iter().map(morph).collect(),
+        },
+        rig: Rig {
+            joints: model.joints.iter().map(joint).collect(),
+            binds: model.binds.iter().map(|bind| (bind.joint, rows(&bind.inverse))).collect(),
+            clips: (0..model.clips.len()).map(|clip| resampled(model, clip)).collect(),
+        },
+        regions: vec![Region { name: "body".into(), layers: vec![0], ..Region::default() }],
+        mathematics: Mathematics::default(),
+        bounds: [rest.min.to_array(), rest.max.to_array()],
+        key_frames: Vec::new(),
+    }
+}
+
+/// Adds trained Gaussians to a mesh.
+pub fn with_gaussians(mut source: Source, cloud: &Cloud, mathematics: Mathematics) -> Source {
+    source.mathematics = mathematics;
+    let region = &mut source.regions[0];
+    region.layers = cloud.layers.clone();
+    region.triangles = cloud.gaussians.iter().map(|g| g.triangle).collect();
+    region.gaussians =
+        Gaussians::Disc(cloud.gaussians.iter().map(|g| g.parameters.disc()).collect());
+    source
+}
+
+/// Key frames as the file names them.
+pub fn key_frames(frames: &[KeyFrame]) -> Vec<(Option<u16>, f32)> {
+    frames.iter().map(|frame| (frame.clip.map(|clip| clip as u16), frame.seconds)).collect()
+}
+
+/// Bytes of a file.
+pub fn encode(source: &Source) -> Result<Vec<u8>> {
+    dermis_format::writer::encode(source).context("the avatar cannot be written")
+}
+
+fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
+    let (m, t) = (matrix.matrix3, matrix.translation);
+    core::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
+}
+
+fn morph(target: &crate::model::MorphTarget) -> Morph {
+    Morph {
+        name: target.name.clone(),
+        default_weight: target.default_weight,
+        deltas: target.deltas.iter().map(|(vertex, delta)| (*vertex, delta.to_array())).collect(),
+    }
+}
+
+fn joint(joint: &crate::model::Joint) -> Joint {
+    Joint {
+        name: joint.name.clone(),
+        parent: joint.parent,
+        translation: joint.rest.translation.to_array(),
+        rotation: wxyz(joint.rest.rotation),
+        scale: joint.rest.scale.to_array(),
+    }
+}
+
+fn wxyz(q: Quat) -> [f32; 4] {
+    [q.w, q.x, q.y, q.z]
+}
+
+/// A clip with keys evenly spaced from 0 to its end; what does not move has one key.
+fn resampled(model: &Model, index: usize) -> Clip {
+    let clip = &model.clips[index];
+    let last = (clip.seconds * KEYS_PER_SECOND).ceil().max(1.0) as usize;
+    let poses: Vec<Pose> = (0..=last)
+        .map(|key| Pose::of_clip(model, index, clip.seconds * key as f32 / last as f32))
+        .collect();
+    let channels = clip.channels.iter().map(|channel| {
+        let mut values: Vec<f32> =
+            poses.iter().flat_map(|pose| value(pose, channel.target)).collect();
+        let property = property(channel.target);
+        let width = property.width();
+        if matches!(property, Property::Rotation(_)) {
+            align_signs(&mut values);
+        }
+        if values.chunks_exact(width).all(|key| key == &values[..width]) {
+            values.truncate(width);
+        }
+        Channel { property, holds: channel.interpolation == Interpolation::Step, values }
+    });
+    Clip { name: clip.name.clone(), seconds: clip.seconds, channels: channels.collect() }
+}
+
+fn property(target: ChannelTarget) -> Property {
+    match target {
+        ChannelTarget::Translation(joint) => Property::Translation(joint),
+        ChannelTarget::Rotation(joint) => Property::Rotation(joint),
+        ChannelTarget::Scale(joint) => Property::Scale(joint),
+        ChannelTarget::Weight(target) => Property::Weight(target),
+    }
+}
+
+fn value(pose: &Pose, target: ChannelTarget) -> Vec<f32> {
+    match target {
+        ChannelTarget::Translation(joint) => {
+            pose.locals[usize::from(joint)].translation.to_array().to_vec()
+        }
+        ChannelTarget::Rotation(joint) => wxyz(pose.locals[usize::from(joint)].rotation).to_vec(),
+        ChannelTarget::Scale(joint) => pose.locals[usize::from(joint)].scale.to_array().to_vec(),
+        ChannelTarget::Weight(target) => vec![pose.weights[usize::from(target)]],
+    }
+}
+
+/// q and −q are one rotation: neighbours get the sign that makes them near.
+fn align_signs(values: &mut [f32]) {
+    for key in 1..values.len() / 4 {
+        let (before, after) = values.split_at_mut(key * 4);
+        let dot: f32 = before[key * 4 - 4..].iter().zip(&after[..4]).map(|(a, b)| a * b).sum();
+        if dot < 0.0 {
+            after[..4].iter_mut().for_each(|x| *x = -*x);
+        }
+    }
+}
