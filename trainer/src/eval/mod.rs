@@ -4,7 +4,7 @@
 //! of clips it was not trained on. Pictures are drawn by the runtime from the file's bytes and
 //! compared with the textured mesh, 8 bits a channel; each figure is the mean over pictures.
 //!
-//! [`reference`] is the f64 renderer that the runtime is measured against.
+//! [`mod@reference`] is the f64 renderer that the runtime is measured against.
 
 pub mod reference;
 
