@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::adam::{Moments, Rates};
 use super::backward::{SplatGradient, by_splats};
-use super::cloud::{Cloud, Freedom, PARAMETERS, Parameters, Seed};
+use super::cloud::{Cloud, Freedom, Parameters, Seed};
 use super::forward::{Forward, Prefix, Stage, draw};
 use super::loss::Loss;
-use super::projection::{ByScreen, by_disc};
+use super::projection::by_parameters;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
@@ -158,22 +158,14 @@ impl Mover<'_> {
             return;
         }
         let Some(frame) = &self.stage.frames[gaussian.triangle as usize] else { return };
-        let p = &gaussian.parameters;
-        let by = ByScreen {
-            mean: gradient.mean,
-            falloff: gradient.falloff,
-            log2_opacity: gradient.log2_opacity,
-        };
-        let log2_scale = p.log2_scale.map(|s| s + self.prefix.log2_scale);
-        let by = by_disc(&self.view, self.low_pass, frame, (p.position, p.angle, log2_scale), &by);
-        let mut gradient: [f32; PARAMETERS] = Parameters {
-            position: by.position,
-            angle: by.angle,
-            log2_scale: by.log2_scale,
-            // d log₂ o / d logit = (1 − o) / ln 2.
-            logit: gradient.log2_opacity * (1.0 - p.opacity()) * core::f32::consts::LOG2_E,
-            color: gradient.color,
-        }
+        let mut gradient = by_parameters(
+            &self.view,
+            self.low_pass,
+            frame,
+            &gaussian.parameters,
+            self.prefix.log2_scale,
+            gradient,
+        )
         .to_array();
         if gaussian.freedom == Freedom::Anchored {
             gradient[..3].fill(0.0);
