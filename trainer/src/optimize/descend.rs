@@ -99,7 +99,11 @@ fn region(forward: &Forward, truth: Rect) -> Rect {
         [x0.min(a0), y0.min(b0), x1.max(a1), y1.max(b1)]
     });
     let [x0, y0, x1, y1] = [all[0], all[1], all[2].min(width), all[3].min(height)];
-    Rect { x: x0, y: y0, width: x1.saturating_sub(x0), height: y1.saturating_sub(y0) }
+    // A view may see nothing at all: a flat sheet from its side.
+    if x0 >= x1 || y0 >= y1 {
+        return Rect { x: 0, y: 0, width: 0, height: 0 };
+    }
+    Rect { x: x0, y: y0, width: x1 - x0, height: y1 - y0 }
 }
 
 fn corners(rect: Rect) -> [u32; 4] {
