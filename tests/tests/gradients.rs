@@ -42,7 +42,7 @@ fn screen(
     [p.mean[0], p.mean[1], xx, 2.0 * xy, yy, p.compensation.log2()]
 }
 
-/// A disc before a camera; about half of them stand where slopes are clamped.
+/// A disc before a camera; most of them stand where slopes are clamped.
 fn random_disc(random: &mut Random) -> (View<f64>, Frame<f64>, [f64; 6]) {
     let quaternion = [0; 4].map(|_| between(random, -1.0, 1.0));
     let rows = rotation_rows(quaternion);
@@ -295,8 +295,9 @@ impl Scene {
     /// Greatest error of each parameter relative to that parameter's root mean square.
     ///
     /// The trainer works in f32: a gradient is a sum of up to 2304 × 3 terms of both signs, each off
-    /// by some 1e-6 of itself, so an error of 1e-4 of the usual gradient is what rounding can do,
-    /// and a wrong or missing term is 100 times that.
+    /// by some 1e-6 of itself. By position, scale, opacity and colour that leaves 1e-5 of the usual
+    /// gradient; by the angle of a nearly round disc, where the terms cancel, 1e-4. A wrong or
+    /// missing term is 100 times that.
     fn check(&self, forward: &Forward, decisions: &[Vec<u32>]) {
         const NAMES: [&str; PARAMETERS] =
             ["x", "y", "z", "angle", "scale 0", "scale 1", "logit", "red", "green", "blue"];
@@ -311,7 +312,7 @@ impl Scene {
                 |(index, n): (usize, &f64)| (f64::from(analytic[index][parameter]) - n).abs();
             let worst = numeric.iter().enumerate().map(error).fold(0.0, f64::max) / usual;
             println!("{:?} {name}: usual {usual:.3}, worst {worst:.1e} of it", self.low_pass);
-            assert!(usual > 1e-3 && worst < 1e-4, "{name}: {worst:e} of {usual}");
+            assert!(usual > 1e-3 && worst < 2e-4, "{name}: {worst:e} of {usual}");
         }
     }
 }
