@@ -16,6 +16,27 @@ pub fn failures() -> PathBuf {
     folder
 }
 
+/// An empty folder of this name inside the target folder, for a test to fill.
+pub fn empty_folder(name: &str) -> PathBuf {
+    let folder = crate::command::target().join("dermis-tests").join(name);
+    if folder.exists() {
+        std::fs::remove_dir_all(&folder).expect("what a test made can be removed");
+    }
+    std::fs::create_dir_all(&folder).expect("the target folder can be written");
+    folder
+}
+
+/// Names in a folder, in order.
+pub fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("it is a folder");
+    let name = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.expect("it can be listed").file_name().to_string_lossy().into_owned()
+    };
+    let mut names: Vec<String> = entries.map(name).collect();
+    names.sort();
+    names
+}
+
 /// The folder of real avatars: `DERMIS_DATA`, or `../shared/data` from the workspace. Without it
 /// the test `who` says that it was skipped, or fails under CI, where the folder should be there.
 pub fn data(who: &str) -> Option<PathBuf> {
