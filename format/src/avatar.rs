@@ -88,13 +88,13 @@ impl<'a> Avatar<'a> {
             }
             tag::REGIONS => {
                 self.regions = payload;
-                (Names { rest: payload }.count() == usize::from(header.regions)).then_some(())
+                Names { rest: payload }.is_whole(header.regions.into()).then_some(())
             }
             tag::LAYERS => plane(payload).map(|plane| self.layers = plane),
             tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
             tag::JOINT_NAMES => {
                 self.joint_names = payload;
-                (Names { rest: payload }.count() == usize::from(header.joints)).then_some(())
+                Names { rest: payload }.is_whole(header.joints.into()).then_some(())
             }
             tag::BINDS => plane(payload).map(|plane| self.binds = plane),
             tag::KEY_FRAMES => plane(payload).map(|plane| self.key_frames = plane),
@@ -185,6 +185,9 @@ impl<'a> Avatar<'a> {
         if self.key_frames.iter().any(|k| k.clip.get() != u16::MAX && k.clip.get() >= clips) {
             return malformed("KEYF", "a key frame's clip does not exist");
         }
+        if self.key_frames.iter().any(|k| !(0.0..=1e6).contains(&k.seconds.get())) {
+            return malformed("KEYF", "a key frame's time is not in 0 to 1e6 seconds");
+        }
         Ok(())
     }
 
@@ -245,13 +248,15 @@ impl<'a> Avatar<'a> {
     #[inline]
     pub fn influences(&self, index: usize) -> [(u32, u8); 4] {
         let weights = self.bind_weights.get(index).copied().unwrap_or([0; 4]);
-        core::array::from_fn(|i| (self.bind_indices.get(index * 4 + i), weights[i]))
+        core::array::from_fn(|i| {
+            (self.bind_indices.get(index.saturating_mul(4).saturating_add(i)), weights[i])
+        })
     }
 
     /// Corners of triangle `index`: indices of vertices.
     #[inline]
     pub fn triangle(&self, index: usize) -> [u32; 3] {
-        core::array::from_fn(|i| self.corners.get(index * 3 + i))
+        core::array::from_fn(|i| self.corners.get(index.saturating_mul(3).saturating_add(i)))
     }
 
     /// Whether the back of triangle `index` is seen, so that it must be drawn.
@@ -272,7 +277,9 @@ impl<'a> Avatar<'a> {
 
     /// Gaussians of layer `layer` of region `region`.
     pub fn layer_len(&self, region: usize, layer: usize) -> u32 {
-        self.layers.get(region * usize::from(self.header.layers) + layer).map_or(0, |len| len.get())
+        let layers = usize::from(self.header.layers);
+        let at = region.saturating_mul(layers).saturating_add(layer);
+        self.layers.get(at).filter(|_| layer < layers).map_or(0, |len| len.get())
     }
 
     /// Gaussians of region `region`.
@@ -333,14 +340,22 @@ pub struct Names<'a> {
     rest: &'a [u8],
 }
 
+impl Names<'_> {
+    /// Whether there are `count` names and no byte after them.
+    fn is_whole(mut self, count: usize) -> bool {
+        self.by_ref().count() == count && self.rest.is_empty()
+    }
+}
+
 impl<'a> Iterator for Names<'a> {
     type Item = &'a str;
 
     fn next(&mut self) -> Option<&'a str> {
         let (len, rest) = take_plane::<u8>(self.rest, 1)?;
         let (name, rest) = rest.split_at_checked(usize::from(*len.first()?))?;
+        let name = core::str::from_utf8(name).ok()?;
         self.rest = rest;
-        core::str::from_utf8(name).ok()
+        Some(name)
     }
 }
 

@@ -18,7 +18,7 @@ pub enum FrameKind {
     World,
     /// LoDAvatar: T = centroid, z = unit normal, x = unit(v0 − T), y = z × x, size = √area.
     Area,
-    /// GaussianAvatars: T = centroid, x = unit(v1 − v0), y = unit normal, z = −unit(x × y)·, size =
+    /// GaussianAvatars: T = centroid, x = unit(v1 − v0), y = unit normal, z = x × y, size =
     /// (|v1 − v0| + |z · (v2 − v0)|) / 2.
     Edge,
 }
@@ -115,6 +115,9 @@ impl Header {
         }
         if self.harmonics_degree > 3 {
             return malformed("header", "the degree of harmonics is over 3");
+        }
+        if self.record == RecordKind::Disc && self.harmonics_degree > 0 {
+            return malformed("header", "discs have no harmonics");
         }
         if (self.frame == FrameKind::World) != (self.triangles == 0) {
             return malformed(

@@ -105,7 +105,8 @@ impl GroupRecord {
     pub fn encode_disc(&self, disc: &Disc) -> DiscRecord {
         let code = |range: Range, value: f32| range.code(value, 255) as u8;
         // One more than the last code is π, which is 0 again.
-        let turns = disc.angle.rem_euclid(core::f32::consts::PI) / ANGLE_STEP;
+        let rest = disc.angle % core::f32::consts::PI;
+        let turns = if rest < 0.0 { rest + core::f32::consts::PI } else { rest } / ANGLE_STEP;
         DiscRecord {
             position: core::array::from_fn(|i| code(self.position[i], disc.position[i])),
             angle: ((turns + 0.5) as u16 % 256) as u8,

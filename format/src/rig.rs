@@ -154,7 +154,7 @@ impl Channel<'_> {
     /// Component `component` of key `key`; 0 beyond the last.
     #[inline]
     pub fn value(&self, key: usize, component: usize) -> f32 {
-        let at = key * self.property.width() + component;
+        let at = key.saturating_mul(self.property.width()).saturating_add(component);
         self.codes.get(at).map_or(0.0, |code| self.record.range.value(code.get()))
     }
 }

@@ -33,6 +33,7 @@ fn refuse<T>(why: impl Into<String>) -> Result<T, EncodeError> {
 
 /// Encodes an avatar. The bytes depend on the source alone.
 pub fn encode(source: &Source) -> Result<Vec<u8>, EncodeError> {
+    check_mesh(&source.mesh, source.rig.binds.len())?;
     let header = header(source)?;
     let mut out = Vec::new();
     write_header(&mut out, &header)?;
@@ -53,6 +54,27 @@ pub fn encode(source: &Source) -> Result<Vec<u8>, EncodeError> {
     }
 }
 
+/// Indices are narrowed when they are written, so a reader could not tell that one was too large.
+fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
+    let exists = |vertex: &u32| (*vertex as usize) < mesh.positions.len();
+    if !mesh.triangles.iter().flatten().all(exists) {
+        return refuse("a triangle's corner does not exist");
+    }
+    if !mesh.morph_targets.iter().flat_map(|m| &m.deltas).all(|(vertex, _)| exists(vertex)) {
+        return refuse("a morph target moves a vertex that does not exist");
+    }
+    if mesh.influences.iter().flatten().any(|&(bind, _)| usize::from(bind) >= binds) {
+        return refuse("a vertex hangs on a bind that does not exist");
+    }
+    if mesh.influences.iter().flatten().any(|(_, weight)| !weight.is_finite()) {
+        return refuse("a skin weight is not finite");
+    }
+    if !mesh.two_sided.is_empty() && mesh.two_sided.len() != mesh.triangles.len() {
+        return refuse("triangles and their two-sided bits differ in number");
+    }
+    Ok(())
+}
+
 fn header(source: &Source) -> Result<Header, EncodeError> {
     let mesh = &source.mesh;
     let Some(first) = source.regions.first() else {
@@ -61,10 +83,11 @@ fn header(source: &Source) -> Result<Header, EncodeError> {
     let layers = first.layers.len();
     let gaussians: usize = source.regions.iter().map(|region| region.gaussians.len()).sum();
     let (position_min, position_step) = position_grid(&mesh.positions)?;
-    let record = match first.gaussians {
-        Gaussians::Disc(_) => RecordKind::Disc,
-        Gaussians::Full(_) => RecordKind::Full,
-    };
+    let record =
+        match source.regions.iter().find(|r| !r.gaussians.is_empty()).unwrap_or(first).gaussians {
+            Gaussians::Disc(_) => RecordKind::Disc,
+            Gaussians::Full(_) => RecordKind::Full,
+        };
     Ok(Header {
         vertices: count("vertices", mesh.positions.len())?,
         triangles: count("triangles", mesh.triangles.len())?,
@@ -368,6 +391,9 @@ fn write_blocks(out: &mut Vec<u8>, source: &Source) -> Result<(), EncodeError> {
 fn check_region(region: &Region, source: &Source) -> Result<(), EncodeError> {
     let n = region.gaussians.len();
     let total: u64 = region.layers.iter().map(|&layer| u64::from(layer)).sum();
+    if source.regions.first().is_some_and(|first| first.layers.len() != region.layers.len()) {
+        return refuse(format!("region {}: it has not as many layers as the first", region.name));
+    }
     let fits = |len: usize| len == 0 || len == n;
     let bound = if source.mesh.triangles.is_empty() { 0 } else { n };
     if total != n as u64 || region.triangles.len() != bound || !fits(region.later_opacities.len()) {
@@ -491,6 +517,9 @@ fn group_record(
     let greatest =
         extent(harmonics.iter().flatten().map(|x| x.abs())).map_or(0.0, |(_, high)| high);
     let count_less_one = (places.len() - 1) as u8;
+    if !codes_are_finite(region, &places) {
+        return refuse("a Gaussian has a number that is not finite");
+    }
     let (position, log2_scale, color) = match &region.gaussians {
         Gaussians::Disc(discs) => {
             let discs = &discs[places];
@@ -519,6 +548,20 @@ fn group_record(
         color,
         harmonics_step: (greatest / 127.0).into(),
     })
+}
+
+/// Whether the numbers that have codes of their own (no range of the group) are finite.
+fn codes_are_finite(region: &Region, places: &core::ops::Range<usize>) -> bool {
+    let later = region.later_opacities.get(places.clone()).unwrap_or(&[]);
+    let own = match &region.gaussians {
+        Gaussians::Disc(discs) => {
+            discs[places.clone()].iter().all(|d| d.angle.is_finite() && d.opacity.is_finite())
+        }
+        Gaussians::Full(fulls) => fulls[places.clone()]
+            .iter()
+            .all(|g| g.rotation.iter().all(|x| x.is_finite()) && g.opacity.is_finite()),
+    };
+    own && later.iter().flatten().all(|x| x.is_finite())
 }
 
 fn color_ranges(colors: impl Iterator<Item = [f32; 3]> + Clone) -> Result<[Range; 3], EncodeError> {

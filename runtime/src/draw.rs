@@ -21,7 +21,7 @@ impl Prepared<'_> {
     /// splat of a budget. More words mean longer lists and fewer passes, never other pixels.
     pub fn band_scratch_len(budget: u32, width: u32, height: u32) -> usize {
         let tiles = crate::tiles::TileGrid::new(width, height).tiles();
-        words::<TilePixels>(1) + tiles + words::<Pair>(budget as usize)
+        words::<TilePixels>(1).saturating_add(tiles).saturating_add(words::<Pair>(budget as usize))
     }
 
     /// Rows of tiles in the frame.
@@ -64,13 +64,14 @@ impl Prepared<'_> {
         mut finished: impl FnMut(u32, &[Pair], &TilePixels),
     ) -> Result<u64, Error> {
         let pixels_len = words::<TilePixels>(1);
-        let lent = scratch.len();
         let needed = pixels_len.saturating_add(self.lists_len(&tile_rows));
+        let lent = scratch.len();
+        let (pixels, lists) =
+            scratch.split_at_mut_checked(pixels_len).ok_or(Error::Scratch { needed, lent })?;
         if lent < needed {
             return Err(Error::Scratch { needed, lent });
         }
-        let (pixels, lists) = scratch.split_at_mut(pixels_len);
-        let pixels = Scratch::new(pixels).take::<TilePixels>(1)?;
+        let pixels = Scratch::new(pixels, pixels_len)?.take::<TilePixels>(1)?;
         let mut blends = 0;
         self.for_each_list(tile_rows, lists, |tile, order| {
             for pixels in pixels.iter_mut() {
@@ -90,12 +91,8 @@ impl Prepared<'_> {
         scratch: &mut [u32],
         mut visit: impl FnMut(u32, &[Pair]),
     ) -> Result<(), Error> {
-        let (needed, lent) = (self.lists_len(&tile_rows), scratch.len());
-        if lent < needed {
-            return Err(Error::Scratch { needed, lent });
-        }
         let mut tiles = self.tiles_of(&tile_rows);
-        let mut scratch = Scratch::new(scratch);
+        let mut scratch = Scratch::new(scratch, self.lists_len(&tile_rows))?;
         let ends = scratch.take::<u32>(tiles.len())?;
         let pairs = scratch.take_rest::<Pair>();
         while !tiles.is_empty() {

@@ -29,8 +29,11 @@ pub struct Framebuffer<'p> {
 impl Framebuffer<'_> {
     /// Whether rows `rows` of a frame `width` pixels wide fit.
     pub(crate) fn check(&self, width: u32, rows: usize) -> Result<(), Error> {
+        if rows == 0 {
+            return Ok(());
+        }
         let row = (width as usize).saturating_mul(4);
-        let needed = self.stride.saturating_mul(rows.saturating_sub(1)).saturating_add(row);
+        let needed = self.stride.saturating_mul(rows - 1).saturating_add(row);
         if self.stride < row || self.pixels.len() < needed {
             let needed = needed.max(row.saturating_mul(rows));
             return Err(Error::Framebuffer { needed, lent: self.pixels.len() });

@@ -72,11 +72,15 @@ pub fn render(
     scratch: &mut [u32],
     framebuffer: &mut Framebuffer<'_>,
 ) -> Result<Statistics, Error> {
+    prepare::check(avatar, plan, camera)?;
     let budget = plan.gaussians();
     let (width, height) = (camera.width, camera.height);
     let lent = scratch.len();
     let needed = scratch_len(avatar, budget, width, height);
     let missing = Error::Scratch { needed, lent };
+    if lent < needed {
+        return Err(missing);
+    }
     let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
     let preparing = Prepared::scratch_len(budget, width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;

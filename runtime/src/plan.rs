@@ -24,19 +24,34 @@ pub struct Plan {
 
 impl Plan {
     /// The greatest plan of at most `budget` Gaussians: every region gets the same share of its
-    /// order, rounded down, and what is left goes to the first regions that can take one more.
+    /// order, rounded down, and what is left goes one by one to the region whose share is then the
+    /// smallest (Jefferson's apportionment). No region ever loses a Gaussian as the budget grows.
     pub fn with_budget(avatar: &Avatar<'_>, budget: u32) -> Self {
         let total = u64::from(avatar.header().gaussians);
         let budget = u64::from(budget).min(total);
         let share = |len: u32| (u64::from(len) * budget).checked_div(total).unwrap_or(0) as u32;
-        let lens = || (0..usize::from(avatar.header().regions)).map(|r| avatar.region_len(r));
-        let mut left = budget - lens().map(|len| u64::from(share(len))).sum::<u64>();
-        let counts = lens().map(|len| {
-            let extra = u32::from(left > 0 && share(len) < len);
-            left -= u64::from(extra);
-            share(len) + extra
-        });
-        Self::of_counts(avatar, counts)
+        let lens = (0..usize::from(avatar.header().regions)).map(|r| avatar.region_len(r));
+        let mut regions: heapless::Vec<(u32, u32), MAX_REGIONS> =
+            lens.map(|len| (share(len), len)).collect();
+        let used: u64 = regions.iter().map(|&(count, _)| u64::from(count)).sum();
+        // Rounding leaves fewer Gaussians than there are regions.
+        for _ in used..budget {
+            let mut least: Option<&mut (u32, u32)> = None;
+            for region in regions.iter_mut().filter(|(count, len)| count < len) {
+                // (a + 1) / m < (b + 1) / n
+                let smaller = |other: &(u32, u32)| {
+                    u64::from(region.0 + 1) * u64::from(other.1)
+                        < u64::from(other.0 + 1) * u64::from(region.1)
+                };
+                if least.as_deref().is_none_or(smaller) {
+                    least = Some(region);
+                }
+            }
+            if let Some((count, _)) = least {
+                *count += 1;
+            }
+        }
+        Self::of_counts(avatar, regions.into_iter().map(|(count, _)| count))
     }
 
     /// Level λ of every region: layers 0..=⌊λ⌋ whole, and that share of the next one.
@@ -47,7 +62,8 @@ impl Plan {
             for layer in 0..layers {
                 // At λ = i + t layer i + 1 has share t, earlier ones are whole.
                 let share = (level - layer as f32 + 1.0).clamp(0.0, 1.0);
-                count += (avatar.layer_len(region, layer) as f32 * share) as u32;
+                // In f64: f32 cannot hold the length of a layer of more than 2²⁴.
+                count += (f64::from(avatar.layer_len(region, layer)) * f64::from(share)) as u32;
             }
             count
         });

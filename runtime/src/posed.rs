@@ -41,7 +41,7 @@ impl<'s, 'a> Posed<'s, 'a> {
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
         let header = avatar.header();
-        let mut scratch = Scratch::new(scratch);
+        let mut scratch = Scratch::new(scratch, Self::scratch_len(avatar))?;
         let joints = scratch.take(usize::from(header.joints))?;
         let matrices = scratch.take(usize::from(header.binds))?;
         let weights = scratch.take(usize::from(header.morph_targets))?;

@@ -1,6 +1,6 @@
 //! A frame before its pixels: the splats of a plan, and how many each tile will draw.
 
-use dermis_format::{FrameKind, LowPass};
+use dermis_format::{Avatar, FrameKind, LowPass};
 
 use crate::camera::Camera;
 use crate::error::Error;
@@ -30,7 +30,7 @@ pub struct Prepared<'s> {
 impl<'s> Prepared<'s> {
     /// Words of scratch for at most `budget` Gaussians on `width × height` pixels.
     pub fn scratch_len(budget: u32, width: u32, height: u32) -> usize {
-        words::<Splat>(budget as usize) + TileGrid::new(width, height).tiles()
+        words::<Splat>(budget as usize).saturating_add(TileGrid::new(width, height).tiles())
     }
 
     /// Projects the Gaussians of `plan` that can be seen. Dropped are: Gaussians on a triangle
@@ -43,15 +43,11 @@ impl<'s> Prepared<'s> {
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
         let (width, height) = (camera.width, camera.height);
-        if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
-            return Err(Error::Size { width, height });
-        }
+        check(posed.avatar(), plan, camera)?;
         let avatar = posed.avatar();
-        if plan.regions().len() != usize::from(avatar.header().regions) {
-            return Err(Error::Plan);
-        }
         let grid = TileGrid::new(width, height);
-        let mut scratch = Scratch::new(scratch);
+        let mut scratch =
+            Scratch::new(scratch, Self::scratch_len(plan.gaussians(), width, height))?;
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let camera = SplatCamera {
@@ -83,6 +79,21 @@ impl<'s> Prepared<'s> {
     pub fn gaussians_selected(&self) -> u32 {
         self.selected
     }
+}
+
+/// Whether a plan is one for this avatar, and the frame has a size that can be drawn.
+pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result<(), Error> {
+    let (width, height) = (camera.width, camera.height);
+    if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
+        return Err(Error::Size { width, height });
+    }
+    let mut regions = plan.regions().iter().enumerate();
+    if plan.regions().len() != usize::from(avatar.header().regions)
+        || regions.any(|(index, region)| region.count > avatar.region_len(index))
+    {
+        return Err(Error::Plan);
+    }
+    Ok(())
 }
 
 /// Calls `visit` with each Gaussian of the plan whose triangle has a frame and can be seen from `eye`.

@@ -35,7 +35,7 @@ impl<R: Real> View<R> {
     /// Of a camera.
     pub fn new(camera: &Camera) -> Self {
         let half = |pixels: u32, focal: f32| {
-            R::of(JACOBIAN_LIMIT) * R::of(pixels as f32) / (R::of(2.0) * R::of(focal))
+            R::of(JACOBIAN_LIMIT) * R::of(pixels as f32) / (R::of(2.0) * R::of(focal).abs())
         };
         Self {
             rows: camera.world_to_camera.map(|row| row.map(R::of)),

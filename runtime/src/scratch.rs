@@ -16,8 +16,13 @@ pub(crate) struct Scratch<'a> {
 }
 
 impl<'a> Scratch<'a> {
-    pub(crate) fn new(words: &'a mut [u32]) -> Self {
-        Self { rest: words, used: 0 }
+    /// An error that names the whole shortage if there are fewer words than `needed`.
+    pub(crate) fn new(words: &'a mut [u32], needed: usize) -> Result<Self, Error> {
+        let lent = words.len();
+        if lent < needed {
+            return Err(Error::Scratch { needed, lent });
+        }
+        Ok(Self { rest: words, used: 0 })
     }
 
     /// `count` values; what they are is what the memory held.

@@ -72,6 +72,11 @@ pub fn descend(
             draw(cloud, prefix, stage, &view.camera, problem.low_pass, problem.background);
         let truth = view.truth.picture(problem.background);
         let region = region(&forward, view.truth.rect);
+        if region.pixels() == 0 {
+            // A flat mesh seen edge-on: nothing to match, nothing drawn.
+            report(Progress { step: step + 1, loss: 0.0 });
+            continue;
+        }
         let loss =
             problem.loss.with_gradient(&forward.picture, &truth, region, &mut ssim, &mut by_pixels);
         let gradients = by_splats(&forward, &by_pixels);
@@ -93,6 +98,9 @@ fn standard_deviation(p: &Parameters) -> f32 {
 
 /// Where the two pictures can differ.
 fn region(forward: &Forward, truth: Rect) -> Rect {
+    if forward.splats.is_empty() {
+        return truth;
+    }
     let (width, height) = (forward.picture.width, forward.picture.height);
     let all = forward.splats.iter().fold(corners(truth), |[x0, y0, x1, y1], splat| {
         let [a0, b0, a1, b1] = splat.bounds.map(u32::from);

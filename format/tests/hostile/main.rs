@@ -1,0 +1,366 @@
+//! Bytes that are cut short, damaged or made up: an error, or an avatar that is safe to read.
+
+mod avatars;
+mod round_trip;
+
+use std::time::{Duration, Instant};
+
+use avatars::{all, walk};
+use dermis_format::section::{Section, Sections, head, preamble, preamble_crc, section_crc};
+use dermis_format::writer::encode;
+use dermis_format::{Avatar, Error, FrameKind, Header, LowPass, RecordKind, ScaleLaw};
+use proptest::prelude::*;
+
+/// Makes every CRC right, so that the checks behind them are reached.
+fn fix_crcs(bytes: &mut [u8]) {
+    let Some((fixed, rest)) = bytes.split_at_mut_checked(preamble::LEN) else { return };
+    let len = usize::from(u16::from_le_bytes([fixed[10], fixed[11]]));
+    let Some((header, mut rest)) = rest.split_at_mut_checked(len) else { return };
+    let crc = preamble_crc(fixed, header);
+    fixed[preamble::CRC].copy_from_slice(&crc.to_le_bytes());
+    while let Some((fixed, after)) = rest.split_at_mut_checked(head::LEN) {
+        let tag = [fixed[0], fixed[1], fixed[2], fixed[3]];
+        let len = u32::from_le_bytes([fixed[4], fixed[5], fixed[6], fixed[7]]) as usize;
+        let Some((payload, after)) = after.split_at_mut_checked(len) else { return };
+        let crc = section_crc(&Section { tag, payload });
+        fixed[head::CRC].copy_from_slice(&crc.to_le_bytes());
+        rest = after;
+    }
+}
+
+/// A preamble and a header in front of `sections`, with right CRCs.
+fn file(header: &[u8], sections: &[([u8; 4], &[u8])]) -> Vec<u8> {
+    let mut bytes = b"DERMIS\r\n\x01\0".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes.extend(header);
+    for (tag, payload) in sections {
+        bytes.extend(tag);
+        bytes.extend((payload.len() as u32).to_le_bytes());
+        bytes.extend([0; 4]);
+        bytes.extend(*payload);
+    }
+    fix_crcs(&mut bytes);
+    bytes
+}
+
+/// Parses; what passes is walked. Says whether it passed.
+fn parse_and_walk(bytes: &[u8]) -> bool {
+    Avatar::parse(bytes).map(|avatar| walk(&avatar)).is_ok()
+}
+
+#[test]
+fn every_avatar_can_be_walked_at_any_address() {
+    for (name, source) in all() {
+        let bytes = encode(&source).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let mut shifted = vec![0xaa];
+        for _ in 0..8 {
+            shifted.extend(&bytes);
+            let avatar = Avatar::parse(&shifted[shifted.len() - bytes.len()..]).unwrap();
+            if bytes.len() < 100_000 {
+                walk(&avatar);
+            }
+            shifted.truncate(shifted.len() - bytes.len());
+            shifted.push(0xaa);
+        }
+        walk(&Avatar::parse(&bytes).unwrap());
+    }
+}
+
+#[test]
+fn a_file_cut_short_is_an_error_at_every_length() {
+    for (name, source) in all() {
+        let bytes = encode(&source).unwrap();
+        let whole = bytes.len() < 20_000;
+        // A large one near the borders of its sections, and sparsely between.
+        let mut lengths: Vec<usize> =
+            (0..bytes.len()).step_by(if whole { 1 } else { 49_999 }).collect();
+        let sections = Avatar::parse(&bytes).unwrap().sections();
+        let mut rest = bytes.len() - sections.map(|s| head::LEN + s.payload.len()).sum::<usize>();
+        for section in sections {
+            lengths.extend([rest - 1, rest, rest + 1, rest + head::LEN, rest + head::LEN + 1]);
+            rest += head::LEN + section.payload.len();
+        }
+        for length in lengths {
+            assert!(Avatar::parse(&bytes[..length]).is_err(), "{name} cut to {length} bytes");
+        }
+    }
+}
+
+#[test]
+fn a_byte_too_many_is_an_error() {
+    for (name, source) in all() {
+        let mut bytes = encode(&source).unwrap();
+        bytes.push(0);
+        let error = Avatar::parse(&bytes).unwrap_err();
+        assert!(matches!(error, Error::Truncated { place: "section head", .. }), "{name}: {error}");
+    }
+}
+
+#[test]
+fn every_flipped_bit_is_found() {
+    for (name, source) in all() {
+        let mut bytes = encode(&source).unwrap();
+        if bytes.len() > 20_000 {
+            continue;
+        }
+        for bit in 0..bytes.len() * 8 {
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            assert!(Avatar::parse(&bytes).is_err(), "{name}: bit {bit}");
+            bytes[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+/// With right CRCs a flipped bit may go unnoticed, but then it does no harm.
+#[test]
+fn every_flipped_bit_behind_its_crc_is_found_or_harmless() {
+    for (_, source) in all() {
+        let bytes = encode(&source).unwrap();
+        if bytes.len() > 5_000 {
+            continue;
+        }
+        let mut passed = 0;
+        for bit in 0..bytes.len() * 8 {
+            let mut bytes = bytes.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            fix_crcs(&mut bytes);
+            passed += usize::from(parse_and_walk(&bytes));
+        }
+        // Codes may be anything, so some do pass: the checks behind the CRC are reached.
+        assert!(passed > bytes.len() && passed < bytes.len() * 8, "{passed}");
+    }
+}
+
+fn header() -> Header {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    *Avatar::parse(&bytes).unwrap().header()
+}
+
+fn header_bytes(header: &Header) -> Vec<u8> {
+    let Header { frame, record, low_pass, scale_law, .. } = *header;
+    let mut bytes = Vec::new();
+    let mut varint = |mut x: u32| {
+        while x >= 128 {
+            bytes.push(x as u8 | 128);
+            x >>= 7;
+        }
+        bytes.push(x as u8);
+    };
+    varint(header.vertices);
+    varint(header.triangles);
+    for count in [header.joints, header.binds, header.morph_targets, header.clips] {
+        varint(count.into());
+    }
+    bytes.extend([header.regions, header.layers]);
+    let mut gaussians = header.gaussians;
+    while gaussians >= 128 {
+        bytes.push(gaussians as u8 | 128);
+        gaussians >>= 7;
+    }
+    bytes.push(gaussians as u8);
+    bytes.extend([
+        match frame {
+            FrameKind::World => 0,
+            FrameKind::Area => 1,
+            FrameKind::Edge => 2,
+        },
+        u8::from(record == RecordKind::Full),
+        u8::from(low_pass == LowPass::Compensated),
+        u8::from(scale_law == ScaleLaw::SquareRoot),
+        header.harmonics_degree,
+        u8::from(header.opacity_per_level),
+    ]);
+    let numbers = [header.box_min, header.box_max, header.position_min, header.position_step];
+    bytes.extend(numbers.iter().flatten().flat_map(|x| x.to_le_bytes()));
+    bytes
+}
+
+/// The header as SPEC.md tells it is the header as the encoder writes it.
+#[test]
+fn the_header_is_as_the_specification_says() {
+    for (name, source) in all() {
+        let bytes = encode(&source).unwrap();
+        let expected = header_bytes(Avatar::parse(&bytes).unwrap().header());
+        assert_eq!(&bytes[preamble::LEN..][..expected.len()], expected, "{name}");
+        assert_eq!(usize::from(bytes[10]), expected.len());
+    }
+}
+
+#[test]
+fn a_header_that_claims_billions_costs_an_error() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
+    let sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
+    let lie = |change: fn(&mut Header)| {
+        let mut header = header();
+        change(&mut header);
+        header_bytes(&header)
+    };
+    assert!(parse_and_walk(&file(&lie(|_| ()), &sections)));
+    let lies: [fn(&mut Header); 12] = [
+        |h| h.vertices = u32::MAX,
+        |h| h.triangles = u32::MAX,
+        |h| h.gaussians = u32::MAX,
+        |h| (h.vertices, h.triangles, h.gaussians) = (u32::MAX, u32::MAX, u32::MAX),
+        |h| h.joints = u16::MAX - 1,
+        |h| h.binds = u16::MAX,
+        |h| h.morph_targets = u16::MAX,
+        |h| h.clips = u16::MAX,
+        |h| h.regions = 32,
+        |h| h.layers = 16,
+        |h| h.opacity_per_level = true,
+        |h| h.record = RecordKind::Full,
+    ];
+    let start = Instant::now();
+    for (index, lie_of) in lies.into_iter().enumerate() {
+        let header = lie(lie_of);
+        assert!(Avatar::parse(&file(&header, &sections)).is_err(), "lie {index}");
+        assert!(Avatar::parse(&file(&header, &[])).is_err(), "lie {index} without sections");
+    }
+    assert!(start.elapsed() < Duration::from_secs(1));
+}
+
+#[test]
+fn a_header_out_of_its_limits_is_refused() {
+    let lies: [fn(&mut Header); 9] = [
+        |h| h.regions = 0,
+        |h| h.regions = 33,
+        |h| h.layers = 0,
+        |h| h.layers = 17,
+        |h| h.harmonics_degree = 4,
+        |h| h.harmonics_degree = 1,
+        |h| h.frame = FrameKind::World,
+        |h| h.box_max[1] = f32::NAN,
+        |h| h.position_step[2] = f32::INFINITY,
+    ];
+    for (index, lie) in lies.into_iter().enumerate() {
+        let mut header = header();
+        lie(&mut header);
+        let error = Avatar::parse(&file(&header_bytes(&header), &[])).unwrap_err();
+        assert!(matches!(error, Error::Malformed { place: "header", .. }), "{index}: {error}");
+    }
+}
+
+#[test]
+fn unknown_versions_are_refused_and_unknown_sections_skipped() {
+    let mut bytes = encode(&avatars::discs()).unwrap();
+    bytes.extend(*b"NEWS\x03\0\0\0\0\0\0\0abc");
+    fix_crcs(&mut bytes);
+    assert!(parse_and_walk(&bytes));
+    bytes.pop();
+    bytes.push(b'!');
+    assert_eq!(Avatar::parse(&bytes).unwrap_err(), Error::Damaged { place: "unknown section" });
+    bytes[8] = 2;
+    assert_eq!(Avatar::parse(&bytes).unwrap_err(), Error::Version { found: 2 });
+    bytes[0] = b'd';
+    assert!(matches!(Avatar::parse(&bytes), Err(Error::Malformed { place: "preamble", .. })));
+}
+
+#[test]
+fn sections_that_are_missing_or_in_disorder_are_errors() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
+    let header = header_bytes(&header());
+    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF"];
+    for left_out in 0..all.len() {
+        let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
+        let (tag, _) = sections.remove(left_out);
+        let passed = parse_and_walk(&file(&header, &sections));
+        assert_eq!(passed, optional.contains(&tag), "{}", String::from_utf8_lossy(&tag));
+    }
+    // The two blocks the other way round: the second does not follow the first.
+    let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
+    let last = sections.len() - 1;
+    sections.swap(last - 1, last);
+    assert!(Avatar::parse(&file(&header, &sections)).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn soup_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        parse_and_walk(&bytes);
+        let mut led = b"DERMIS\r\n\x01\0".to_vec();
+        led.extend(&bytes);
+        parse_and_walk(&led);
+        fix_crcs(&mut led);
+        parse_and_walk(&led);
+    }
+
+    #[test]
+    fn soup_in_sections_never_panics(
+        payloads in prop::collection::vec((0usize..15, prop::collection::vec(any::<u8>(), 0..200)), 0..12),
+        kind in 0usize..7,
+    ) {
+        const TAGS: [&[u8; 4]; 15] = [
+            b"VERT", b"SKIN", b"TRIS", b"SIDE", b"TREG", b"REGN", b"LAYR", b"JNTS", b"JNAM",
+            b"BIND", b"MRPH", b"CLIP", b"KEYF", b"BLCK", b"????",
+        ];
+        let bytes = encode(&all_small(kind)).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        let mut sections: Vec<_> = avatar.sections().map(|s| (s.tag, s.payload)).collect();
+        for (tag, payload) in &payloads {
+            sections.insert(*tag * sections.len() / 15, (*TAGS[*tag], payload));
+        }
+        parse_and_walk(&file(&header_bytes(avatar.header()), &sections));
+    }
+
+    #[test]
+    fn changed_bytes_are_found_or_harmless(
+        kind in 0usize..7,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
+    ) {
+        let mut bytes = encode(&all_small(kind)).unwrap();
+        for (index, value) in changes {
+            let index = index.index(bytes.len());
+            bytes[index] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        fix_crcs(&mut bytes);
+        parse_and_walk(&bytes);
+    }
+
+    /// Numbers of the payload become NaN, infinities, and the greatest of their kind.
+    #[test]
+    fn odd_numbers_are_found_or_harmless(
+        kind in 0usize..7,
+        at in any::<prop::sample::Index>(),
+        number in prop::sample::select(vec![
+            f32::NAN.to_bits(), f32::INFINITY.to_bits(), f32::NEG_INFINITY.to_bits(),
+            f32::MAX.to_bits(), f32::MIN.to_bits(), 1, 0x8000_0000, u32::MAX, 0xffff, 0xffff_0000,
+            1e12f32.to_bits(), 1e30f32.to_bits(), (-1e12f32).to_bits(),
+        ]),
+    ) {
+        let mut bytes = encode(&all_small(kind)).unwrap();
+        let at = at.index(bytes.len() - 20) + 16;
+        bytes[at..at + 4].copy_from_slice(&number.to_le_bytes());
+        fix_crcs(&mut bytes);
+        parse_and_walk(&bytes);
+    }
+}
+
+/// One of the avatars, without the one that is large.
+fn all_small(kind: usize) -> dermis_format::source::Source {
+    match kind {
+        0 => avatars::harmonics(),
+        1 => avatars::opacities(),
+        2 => avatars::regions(),
+        3 => avatars::cloud(),
+        4 => avatars::discs(),
+        _ => avatars::rigged(),
+    }
+}
+
+/// `Sections` alone, which does not check CRCs, ends on any bytes.
+#[test]
+fn sections_end_on_any_bytes() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    for start in 0..bytes.len() {
+        assert!(Sections::new(&bytes[start..]).count() <= bytes.len() / head::LEN);
+    }
+}

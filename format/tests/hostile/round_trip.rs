@@ -1,0 +1,321 @@
+//! What is encoded returns within half a step of its range.
+
+use dermis_format::quant::{quaternion_code, quaternion_value};
+use dermis_format::record::Range;
+use dermis_format::rig::Property;
+use dermis_format::source::{Channel, Clip, Gaussians, Source};
+use dermis_format::writer::encode;
+use dermis_format::{Avatar, Disc, Full, Records, order};
+use proptest::prelude::*;
+
+use crate::avatars::{self, discs_on};
+
+/// Greatest allowed difference: half a step, and the rounding of values as large as these.
+fn half_step(values: impl Iterator<Item = f32> + Clone, last: f32) -> f32 {
+    let low = values.clone().fold(f32::INFINITY, f32::min);
+    let high = values.clone().fold(f32::NEG_INFINITY, f32::max);
+    0.501 * (high - low) / last + 4.0 * f32::EPSILON * low.abs().max(high.abs())
+}
+
+fn near(found: f32, expected: f32, bound: f32) {
+    assert!((found - expected).abs() <= bound, "{found} {expected} {bound}");
+}
+
+/// Every record of `source`'s first region with the Gaussians of its group.
+fn for_each_group(source: &Source, mut visit: impl FnMut(std::ops::Range<usize>, &Decoded)) {
+    let bytes = encode(source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    for block in avatar.blocks().filter(|block| block.region == 0) {
+        let mut place = 0;
+        for group in block.groups {
+            let range = place..place + usize::from(group.count_less_one) + 1;
+            let decoded = match block.records {
+                Records::Disc(r) => {
+                    Decoded::Disc(r[range.clone()].iter().map(|r| group.disc(r)).collect())
+                }
+                Records::Full(r) => {
+                    Decoded::Full(r[range.clone()].iter().map(|r| group.full(r)).collect())
+                }
+            };
+            place = range.end;
+            let first = block.first as usize;
+            visit(first + range.start..first + range.end, &decoded);
+        }
+    }
+}
+
+enum Decoded {
+    Disc(Vec<Disc>),
+    Full(Vec<Full>),
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn codes_return_within_half_a_step(
+        low in -1e6f32..1e6, span in prop::sample::select(vec![0.0f32, 1e-30, 1e-3, 1.0, 300.0, 1e6]),
+        share in 0.0f32..=1.0, last in prop::sample::select(vec![255u16, u16::MAX]),
+    ) {
+        let value = low + span * share;
+        let range = Range::spanning(low, low + span, last);
+        let back = range.value(range.code(value, last));
+        near(back, value, half_step([low, low + span].into_iter(), last.into()));
+    }
+
+    #[test]
+    fn rotations_return_within_their_codes(w in -1f32..1.0, x in -1f32..1.0, y in -1f32..1.0, z in -1f32..1.0) {
+        let length = (w * w + x * x + y * y + z * z).sqrt();
+        prop_assume!(length > 0.01);
+        let unit = [w, x, y, z].map(|c| c / length);
+        let code = quaternion_code(unit);
+        let back = quaternion_value(code);
+        let dot: f32 = unit.iter().zip(back).map(|(a, b)| a * b).sum();
+        // 0.333° is twice the arc cosine of this.
+        prop_assert!(dot.abs() > 0.999_995_7, "{unit:?} {back:?}");
+        let length2: f32 = back.iter().map(|x| x * x).sum();
+        prop_assert!((length2 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn discs_return(seed in 0u64..1_000_000, layers in prop::collection::vec(0u32..700, 1..4), triangles in 1usize..40) {
+        prop_assume!(layers.iter().sum::<u32>() > 0);
+        let mut source = avatars::discs();
+        source.mesh = avatars::strip(triangles);
+        source.regions = vec![discs_on("all", &layers, triangles)];
+        let n = layers.iter().sum::<u32>().into();
+        let discs: Vec<Disc> = (0..n).map(|i| avatars::disc(seed + i)).collect();
+        source.regions[0].gaussians = Gaussians::Disc(discs.clone());
+        for_each_group(&source, |places, decoded| {
+            let Decoded::Disc(found) = decoded else { panic!("discs") };
+            let group = &discs[places];
+            for (found, expected) in found.iter().zip(group) {
+                for i in 0..3 {
+                    let bound = half_step(group.iter().map(|d| d.position[i]), 255.0);
+                    near(found.position[i], expected.position[i], bound);
+                }
+                let bound = half_step(group.iter().flat_map(|d| d.log2_scale), 255.0);
+                for i in 0..2 {
+                    near(found.log2_scale[i], expected.log2_scale[i], bound);
+                }
+                near(found.opacity, expected.opacity, 0.501 / 255.0);
+                let turn = (found.angle - expected.angle).abs();
+                let pi = core::f32::consts::PI;
+                near(turn.min(pi - turn), 0.0, 0.501 * pi / 256.0);
+                color_is_near(found.color, expected.color, group.iter().map(|d| d.color));
+            }
+        });
+    }
+
+    #[test]
+    fn fulls_return(seed in 0u64..1_000_000, n in 1u64..600) {
+        let mut source = avatars::cloud();
+        let fulls: Vec<Full> = (0..n).map(|i| avatars::full(seed + i)).collect();
+        source.regions[0].layers = vec![n as u32];
+        source.regions[0].gaussians = Gaussians::Full(fulls.clone());
+        for_each_group(&source, |places, decoded| {
+            let Decoded::Full(found) = decoded else { panic!("full records") };
+            let group = &fulls[places];
+            for (found, expected) in found.iter().zip(group) {
+                for i in 0..3 {
+                    let bound = half_step(group.iter().map(|f| f.position[i]), 65_535.0);
+                    near(found.position[i], expected.position[i], bound);
+                    let bound = half_step(group.iter().flat_map(|f| f.log2_scale), 255.0);
+                    near(found.log2_scale[i], expected.log2_scale[i], bound);
+                }
+                near(found.opacity, expected.opacity, 0.501 / 255.0);
+                color_is_near(found.color, expected.color, group.iter().map(|f| f.color));
+            }
+        });
+    }
+
+    #[test]
+    fn keys_return(values in prop::collection::vec(-10f32..10.0, 4..80)) {
+        let mut source = avatars::rigged();
+        let values = values[..values.len() / 4 * 4].to_vec();
+        let channel = Channel { property: Property::Rotation(1), holds: false, values: values.clone() };
+        source.rig.clips = vec![Clip { name: "c".into(), seconds: 1.0, channels: vec![channel] }];
+        source.key_frames.clear();
+        let bytes = encode(&source).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        let channel = avatar.clips().next().unwrap().channels().next().unwrap();
+        let bound = half_step(values.iter().copied(), 65_535.0);
+        for (at, &value) in values.iter().enumerate() {
+            near(channel.value(at / 4, at % 4), value, bound);
+        }
+    }
+}
+
+/// Half a step of Y, Co and Cg each moves r by no more than their sum.
+fn color_is_near(
+    found: [f32; 3],
+    expected: [f32; 3],
+    group: impl Iterator<Item = [f32; 3]> + Clone,
+) {
+    let bound: f32 = (0..3)
+        .map(|i| half_step(group.clone().map(|c| dermis_format::quant::ycocg_of_rgb(c)[i]), 255.0))
+        .sum();
+    for (found, expected) in found.into_iter().zip(expected) {
+        near(found, expected, bound + 1e-6);
+    }
+}
+
+#[test]
+fn the_mesh_and_its_rig_return() {
+    let source = avatars::rigged();
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    for axis in 0..3 {
+        let bound = half_step(source.mesh.positions.iter().map(|p| p[axis]), 65_535.0);
+        for (index, position) in source.mesh.positions.iter().enumerate() {
+            near(avatar.vertex_position(index)[axis], position[axis], bound);
+        }
+    }
+    for (index, triangle) in source.mesh.triangles.iter().enumerate() {
+        assert_eq!(avatar.triangle(index), *triangle);
+        assert_eq!(avatar.is_two_sided(index), source.mesh.two_sided[index]);
+    }
+    for (index, expected) in source.mesh.influences.iter().enumerate() {
+        let found = avatar.influences(index);
+        assert_eq!(found.iter().map(|(_, w)| u32::from(*w)).sum::<u32>(), 255);
+        for ((bind, weight), expected) in found.into_iter().zip(expected) {
+            assert_eq!(bind, u32::from(expected.0));
+            near(f32::from(weight) / 255.0, expected.1, 1.0 / 255.0);
+        }
+    }
+    assert_eq!(avatar.joint_names().collect::<Vec<_>>(), ["root", "头"]);
+    assert_eq!(avatar.joints()[0].parent.get(), u16::MAX);
+    assert_eq!(avatar.joints()[1].parent.get(), 0);
+    assert_eq!(avatar.binds()[1].inverse[1][3].get(), 0.5);
+    let target = avatar.morph_targets().next().unwrap();
+    assert_eq!((target.name, target.default_weight), ("smile", 0.5));
+    assert_eq!(target.vertices.iter().collect::<Vec<_>>(), [1, 4]);
+    near(f32::from(target.deltas[0][2].get()) * target.step, -0.2, 0.5 * target.step);
+    let clips: Vec<_> = avatar.clips().map(|clip| (clip.name, clip.seconds)).collect();
+    assert_eq!(clips, [("nod", 2.0), ("still", 0.0)]);
+    let keys: Vec<_> =
+        avatar.clips().next().unwrap().channels().map(|c| (c.keys, c.holds)).collect();
+    assert_eq!(keys, [(2, false), (2, false), (1, true), (3, true)]);
+    assert_eq!(avatar.key_frames()[1].seconds.get(), 1.5);
+}
+
+#[test]
+fn opacities_and_harmonics_return() {
+    let source = avatars::opacities();
+    let bytes = encode(&source).unwrap();
+    for block in Avatar::parse(&bytes).unwrap().blocks() {
+        assert_eq!(block.later_levels, 2 - usize::from(block.layer));
+        for place in 0..block.count as usize {
+            let expected = &source.regions[0].later_opacities[block.first as usize + place];
+            assert_eq!(expected.len(), block.later_levels);
+            for (level, &expected) in expected.iter().enumerate() {
+                let code = block.opacities[place * block.later_levels + level];
+                near(f32::from(code) / 255.0, expected, 0.501 / 255.0);
+            }
+        }
+    }
+    let source = avatars::harmonics();
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let block = avatar.blocks().next().unwrap();
+    let step = block.groups[0].harmonics_step.get();
+    let expected = source.regions[0].harmonics.concat();
+    for (&code, expected) in block.harmonics.iter().zip(expected) {
+        near(f32::from(code) * step, expected, 0.501 * step);
+    }
+}
+
+/// Groups split where a triangle is further than 65,535 from the group's first.
+#[test]
+fn wide_spans_of_triangles_return() {
+    let source = avatars::wide();
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    assert_eq!(avatar.triangle(69_999), [69_999, 70_000, 70_001]);
+    let mut found = Vec::new();
+    for block in avatar.blocks() {
+        let mut triangles = block.triangles.iter();
+        for group in block.groups {
+            let near = triangles.by_ref().take(usize::from(group.count_less_one) + 1);
+            found.extend(near.map(|t| group.base_triangle.get() + u32::from(t.get())));
+        }
+    }
+    assert_eq!(found, source.regions[0].triangles);
+    assert!(avatar.blocks().next().unwrap().groups.len() > 1, "200 triangles over 70,000");
+}
+
+/// Blocks of all regions stand by the share of their region that is before them, so any number of
+/// whole blocks holds nearly the same share of every region.
+#[test]
+fn blocks_of_regions_interleave() {
+    let mut source = avatars::discs();
+    source.regions = vec![discs_on("a", &[10_000, 30_000], 3), discs_on("b", &[9_000, 1_000], 3)];
+    source.mesh.triangle_regions = vec![0, 0, 1];
+    let bytes = encode(&source).unwrap();
+    let mut shares = [0.0f64; 2];
+    let mut last = 0.0;
+    for block in Avatar::parse(&bytes).unwrap().blocks() {
+        let total = [40_000.0, 10_000.0][usize::from(block.region)];
+        let share = f64::from(block.first) / total;
+        assert!(share >= last, "a block stands before a coarser one");
+        last = share;
+        shares[usize::from(block.region)] = f64::from(block.first + block.count) / total;
+    }
+    assert_eq!(shares, [1.0, 1.0]);
+}
+
+#[test]
+fn what_cannot_be_encoded_is_refused() {
+    let refused = |change: fn(&mut Source)| {
+        let mut source = avatars::rigged();
+        change(&mut source);
+        encode(&source).expect_err("a refusal").to_string()
+    };
+    type Change = (fn(&mut Source), &'static str);
+    let changes: [Change; 13] = [
+        (|s| s.regions.clear(), "region"),
+        (|s| s.mesh.triangles[1][2] = 65_536 + 2, "corner"),
+        (|s| s.mesh.morph_targets[0].deltas[0].0 = 65_536, "vertex"),
+        (|s| s.mesh.influences[0][1].0 = 256, "bind"),
+        (|s| s.mesh.influences[0][1].1 = f32::NAN, "weight"),
+        (|s| s.mesh.two_sided.push(true), "two-sided"),
+        (|s| s.mesh.positions[1][0] = f32::NAN, "finite"),
+        (|s| s.bounds[1][1] = f32::INFINITY, "finite"),
+        (|s| s.regions[0].layers[0] += 1, "differ"),
+        (|s| s.regions[0].triangles.reverse(), "by triangle"),
+        (|s| s.rig.joints[0].parent = Some(1), "parent"),
+        (|s| s.rig.clips[0].channels[0].values.clear(), "keys"),
+        (|s| s.mathematics.harmonics_degree = 1, "harmonics"),
+    ];
+    for (change, word) in changes {
+        let why = refused(change);
+        assert!(why.contains(word), "{word}: {why}");
+    }
+    for number in 0..5 {
+        let mut source = avatars::rigged();
+        let Gaussians::Disc(discs) = &mut source.regions[0].gaussians else { panic!("discs") };
+        let field = match number {
+            0 => &mut discs[3].position[1],
+            1 => &mut discs[3].angle,
+            2 => &mut discs[3].log2_scale[0],
+            3 => &mut discs[3].color[2],
+            _ => &mut discs[3].opacity,
+        };
+        *field = f32::NAN;
+        assert!(encode(&source).unwrap_err().to_string().contains("finite"), "number {number}");
+    }
+}
+
+#[test]
+fn every_prefix_of_a_block_is_evenly_spread() {
+    // Rank of each place as SPEC.md gives it for five places.
+    let ranks: Vec<u32> = (0..5).map(|place| order::rank(place, 5)).collect();
+    assert_eq!(ranks, [0, 3, 2, 4, 1]);
+    // Every prefix has as many places as it says.
+    for count in 1..300 {
+        for prefix in 1..=count {
+            let drawn = (0..count).filter(|&place| order::rank(place, count) < prefix).count();
+            assert_eq!(drawn, prefix as usize);
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! The worked file of SPEC.md: what its bytes say, and that the encoder writes exactly them.
+
+use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
+use dermis_format::writer::encode;
+use dermis_format::{Avatar, Disc, FrameKind, LowPass, RecordKind, Records, ScaleLaw, order};
+
+/// Bytes of the fenced block of SPEC.md that starts with ```` ```hex ````: each line is an offset,
+/// bytes, and a remark after a semicolon.
+fn worked_bytes() -> Vec<u8> {
+    let spec = include_str!("../SPEC.md");
+    let (_, rest) = spec.split_once("```hex\n").expect("SPEC.md has a hex block");
+    let (block, _) = rest.split_once("```").expect("the block ends");
+    let mut bytes = Vec::new();
+    for line in block.lines() {
+        let line = line.split(';').next().unwrap_or("");
+        let mut words = line.split_whitespace();
+        let Some(offset) = words.next() else { continue };
+        let offset = usize::from_str_radix(offset, 16).expect("an offset");
+        assert_eq!(offset, bytes.len(), "offset of the line {line:?}");
+        bytes.extend(words.map(|word| u8::from_str_radix(word, 16).expect("a byte")));
+    }
+    bytes
+}
+
+/// The avatar that SPEC.md describes.
+fn described() -> Source {
+    Source {
+        mesh: Mesh {
+            positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        },
+        regions: vec![Region {
+            name: "body".into(),
+            layers: vec![2],
+            gaussians: Gaussians::Disc(vec![
+                Disc {
+                    position: [0.0, 0.0, 0.0],
+                    angle: 0.0,
+                    log2_scale: [-1.0, -2.0],
+                    color: [1.0, 0.0, 0.0],
+                    opacity: 1.0,
+                },
+                Disc {
+                    position: [0.5, -0.25, 0.0],
+                    angle: core::f32::consts::FRAC_PI_4,
+                    log2_scale: [-1.5, -3.0],
+                    color: [0.0, 1.0, 1.0],
+                    opacity: 0.8,
+                },
+            ]),
+            triangles: vec![0, 0],
+            ..Region::default()
+        }],
+        mathematics: Mathematics::default(),
+        bounds: [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0]],
+        ..Source::default()
+    }
+}
+
+#[test]
+fn the_encoder_writes_the_worked_bytes() {
+    assert_eq!(encode(&described()).unwrap(), worked_bytes());
+}
+
+#[test]
+fn the_worked_bytes_say_what_the_text_says() {
+    let bytes = worked_bytes();
+    assert_eq!(bytes.len(), 273);
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let header = avatar.header();
+    assert_eq!((header.vertices, header.triangles, header.gaussians), (3, 1, 2));
+    assert_eq!((header.joints, header.binds, header.morph_targets, header.clips), (0, 0, 0, 0));
+    assert_eq!((header.regions, header.layers, header.harmonics_degree), (1, 1, 0));
+    assert_eq!((header.frame, header.record), (FrameKind::Area, RecordKind::Disc));
+    assert_eq!(header.low_pass, LowPass::Compensated);
+    assert_eq!(header.scale_law, ScaleLaw::SquareRoot);
+    assert!(!header.opacity_per_level);
+    assert_eq!((header.box_min, header.box_max), ([0.0; 3], [1.0, 2.0, 0.0]));
+    for (index, position) in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]].iter().enumerate()
+    {
+        let found = avatar.vertex_position(index);
+        assert!(found.iter().zip(position).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+    }
+    assert_eq!(avatar.triangle(0), [0, 1, 2]);
+    assert!(!avatar.is_two_sided(0));
+    assert_eq!(avatar.region_names().collect::<Vec<_>>(), ["body"]);
+    assert_eq!(avatar.layer_len(0, 0), 2);
+    let tags: Vec<_> = avatar.sections().map(|section| section.tag).collect();
+    assert_eq!(tags, [*b"VERT", *b"TRIS", *b"REGN", *b"LAYR", *b"BLCK"]);
+
+    let block = avatar.blocks().next().unwrap();
+    assert_eq!((block.region, block.layer, block.first, block.count), (0, 0, 0, 2));
+    assert_eq!([order::rank(0, 2), order::rank(1, 2)], [0, 1]);
+    let Records::Disc(discs) = block.records else { panic!("the file holds discs") };
+    let decoded: Vec<Disc> = discs.iter().map(|disc| block.groups[0].disc(disc)).collect();
+    let Gaussians::Disc(expected) = described().regions.remove(0).gaussians else { panic!() };
+    for (found, expected) in decoded.iter().zip(&expected) {
+        let numbers = |d: &Disc| {
+            let [x, y, z] = d.position;
+            let [r, g, b] = d.color;
+            [x, y, z, d.angle, r, g, b, d.opacity]
+        };
+        let close = numbers(found).iter().zip(numbers(expected)).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(close, "{found:?} {expected:?}");
+        // Half a step of (−1 − −3) / 255.
+        let half = 1.0 / 255.0 + 1e-6;
+        let scales = found.log2_scale.iter().zip(expected.log2_scale);
+        assert!(scales.clone().all(|(a, b)| (a - b).abs() <= half), "{found:?} {expected:?}");
+    }
+}
+
+/// Every tag that SPEC.md's table names is one this crate knows, and the other way round.
+#[test]
+fn the_table_of_sections_is_complete() {
+    let spec = include_str!("../SPEC.md");
+    let known = [
+        "VERT", "TRIS", "SKIN", "SIDE", "TREG", "JNTS", "JNAM", "BIND", "MRPH", "CLIP", "REGN",
+        "LAYR", "KEYF", "BLCK",
+    ];
+    let named: Vec<&str> = spec
+        .lines()
+        .filter_map(|line| line.strip_prefix("| `")?.split_once('`'))
+        .map(|(tag, _)| tag)
+        .filter(|tag| tag.len() == 4 && tag.chars().all(|c| c.is_ascii_uppercase()))
+        .collect();
+    assert_eq!(named, known);
+}

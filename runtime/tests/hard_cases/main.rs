@@ -1,0 +1,8 @@
+//! The runtime's hard cases (design, section 4) and promises (section 6) on avatars made by hand.
+
+mod hostile;
+mod limits;
+mod numbers;
+mod pictures;
+mod plans;
+mod scenes;
