@@ -36,7 +36,8 @@ fn ribbon() -> Source {
         .map(|_| {
             let triangle = random.below(2 * ROWS);
             let [x, y] = [0; 2].map(|_| 1.2 * random.unit() - 0.6);
-            let stripe = if triangle / 4 % 2 == 0 { [0.9, 0.35, 0.1] } else { [0.1, 0.4, 0.8] };
+            let stripe =
+                if (triangle / 4).is_multiple_of(2) { [0.9, 0.35, 0.1] } else { [0.1, 0.4, 0.8] };
             let parameters = Parameters {
                 position: [x, y, 0.1 * random.unit() - 0.05],
                 angle: 3.0 * random.unit(),

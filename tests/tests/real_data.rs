@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use dermis_runtime::{Avatar, Plan, Pose};
+use dermis_tests::compare::{cost_of_packing, to_reference};
 use dermis_tests::files;
 use dermis_tests::small::WHITE;
 use dermis_trainer::draw::{draw, orbit};
@@ -90,8 +91,8 @@ fn whole_path(path: &Path) -> f64 {
     let options =
         EvalOptions { key_frames: 1, views: 4, size: 96, background: WHITE, budgets: Vec::new() };
     let evaluation = evaluate(&avatar, &model, &options).unwrap_or_else(|error| named(&error));
-    let novel = evaluation.rows.iter().filter(|row| row.split == Split::NovelView);
-    novel.last().expect("a split has rows").psnr_foreground_db
+    let mut novel = evaluation.rows.iter().filter(|row| row.split == Split::NovelView);
+    novel.next_back().expect("a split has rows").psnr_foreground_db
 }
 
 #[test]
@@ -103,4 +104,28 @@ fn level_0_of_the_standard_avatar_has_the_papers_count() {
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     // V + F: 7505 vertices as stored and 13,605 triangles.
     assert_eq!(avatar.header().gaussians, 21_110);
+}
+
+#[test]
+fn the_standard_avatar_is_drawn_and_packed_exactly_enough() {
+    let Some(folder) = files::data("the_standard_avatar_is_drawn") else { return };
+    let model = import::load(&folder.join("valid_male.glb")).expect("it can be read");
+    let options = Options { gaussians: 20_000, size: 270, ..tiny(60) };
+    let trained = train(&model, &options).expect("it trains");
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    let pose = Pose::Clip { clip: 1, seconds: 1.5 };
+    for (budget, distance) in
+        [(20_000, None), (20_000, Some(0.6)), (20_000, Some(9.0)), (2_000, None)]
+    {
+        let plan = Plan::with_budget(&avatar, budget);
+        let camera = orbit(&avatar, &pose, 20.0, 5.0, distance, 270, 270).expect("it has a box");
+        let off = to_reference(&avatar, &pose, &plan, &camera);
+        println!("{budget} Gaussians from {distance:?} m: {off:?}");
+        assert!(off.steps <= 1 && off.unrounded < 0.1, "{off:?}");
+    }
+    for count in [20_000, 5_000] {
+        let cost = cost_of_packing(&model, &trained, &options, count, 4);
+        println!("{count} Gaussians: {cost:.3?}");
+        assert!(cost.cloud - cost.file <= 0.3 && cost.between > 45.0, "{cost:?}");
+    }
 }

@@ -1,10 +1,9 @@
 //! The runtime's f32 picture against the f64 reference.
 
-use dermis_runtime::{Avatar, Camera, Plan, Pose};
-use dermis_tests::picture::{bytes, unrounded, worst};
-use dermis_tests::small::{WHITE, options, trained_demo};
-use dermis_trainer::draw::{draw, orbit, rgb_of};
-use dermis_trainer::eval::reference::draw_reference;
+use dermis_runtime::{Avatar, Plan, Pose};
+use dermis_tests::compare::to_reference;
+use dermis_tests::small::{options, trained_demo};
+use dermis_trainer::draw::orbit;
 
 /// Whole in the frame, so near that it fills it and is cut by the near plane, and a few pixels high.
 const DISTANCES: [Option<f32>; 4] = [None, Some(0.7), Some(0.12), Some(40.0)];
@@ -24,30 +23,16 @@ fn runtime_is_within_one_step_of_the_reference() {
                 orbit(&avatar, &pose, yaw, 12.0, distance, 150, 131).expect("it has a box");
             for budget in [u32::MAX, 700, 60, 1] {
                 let plan = Plan::with_budget(&avatar, budget);
-                let difference = difference(&avatar, &pose, &plan, &camera);
-                greatest = greatest.max(difference.0);
-                touched += difference.1;
+                let off = to_reference(&avatar, &pose, &plan, &camera);
+                assert!(off.steps <= 1, "{off:?} at {budget} from {camera:?}");
+                greatest = greatest.max(off.unrounded);
+                touched += off.touched;
                 pictures += 1;
             }
         }
     }
-    println!("{pictures} pictures, greatest unrounded difference {:.4} of 255", 255.0 * greatest);
+    println!("{pictures} pictures, greatest unrounded difference {greatest:.4} of 255");
     assert!(touched > pictures * 100, "there is something in the pictures");
     // Far below half a step: bytes differ only where a value stands next to the border of two.
-    assert!(greatest * 255.0 < 0.1, "{greatest}");
-}
-
-/// Greatest unrounded difference, and how many pixels are not background; bytes are checked here.
-fn difference(avatar: &Avatar<'_>, pose: &Pose<'_>, plan: &Plan, camera: &Camera) -> (f64, usize) {
-    let exact = draw_reference(avatar, pose, plan, camera, WHITE).expect("it can be drawn");
-    let floats = unrounded(avatar, pose, plan, camera, WHITE);
-    let drawn = rgb_of(&draw(avatar, pose, plan, camera, WHITE).expect("it can be drawn").rgba);
-    assert_eq!(drawn, bytes(&floats), "the framebuffer holds the pixels' nearest bytes");
-    let rounded =
-        exact.iter().flat_map(|rgb| rgb.map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8));
-    let off = worst(&drawn, &rounded.collect::<Vec<u8>>());
-    assert!(off <= 1, "{off} steps at {} Gaussians from {camera:?}", plan.gaussians());
-    let pairs = floats.iter().flatten().zip(exact.iter().flatten());
-    let greatest = pairs.map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
-    (greatest, floats.iter().filter(|rgb| **rgb != WHITE).count())
+    assert!(greatest < 0.1, "{greatest}");
 }
