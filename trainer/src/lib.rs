@@ -1,4 +1,20 @@
-//! Placeholder tour.
+//! Turns a rigged, textured mesh into a `.dermis` avatar, and measures what came out.
+//!
+//! Data flows one way: mesh → truth → placement → descent → bytes → pictures → figures.
+//!
+//! 1. [`import`] reads GLB, glTF and OBJ into a [`model`]; [`demo`] makes one without any input.
+//! 2. [`scene`] poses the model, places cameras, renders the textured mesh as ground truth;
+//!    [`truth`] keeps its pictures.
+//! 3. [`embed`] puts Gaussians on the triangles, coarse to fine.
+//! 4. [`optimize`] draws them with the runtime's own stages and descends the gradient.
+//! 5. [`package`] encodes mesh, rig and Gaussians; [`describe`] lists what a file holds.
+//! 6. [`draw`] draws a file as its users will; [`eval`] and [`metrics`] compare with the mesh, and
+//!    with a reference renderer in f64; [`page`] shows it.
+//!
+//! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
+//! options and seed give the same bytes, whatever the number of threads. The command line stands
+//! in `main.rs` and `commands/`, which only read arguments and print.
+
 pub mod camera_file;
 pub mod demo;
 pub mod describe;

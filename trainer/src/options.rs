@@ -80,7 +80,13 @@ impl Options {
             Method::Dermis => Some(Nested { whole: 0.3, least: 1.0 / 64.0 }),
             Method::Lodavatar => None,
         };
-        Schedule { steps: self.steps, rates: Rates::default(), last_rate: 0.1, nested }
+        Schedule {
+            steps: self.steps,
+            rates: Rates::default(),
+            last_rate: 0.1,
+            nested,
+            random_background: 0.3,
+        }
     }
 
     /// Gaussians of each layer of a nested order of `count`: each layer but the first holds three

@@ -89,7 +89,7 @@ fn observe(
             cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
         let made = scene::render_views(painter, &shots, options.background, SAMPLES, |_, truth| {
             bar.inc(1);
-            (Crop::of(&truth), truth.seen)
+            (Crop::of(&truth, options.background), truth.seen)
         });
         for (camera, (truth, counts)) in cameras.into_iter().zip(made) {
             seen.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);

@@ -1,6 +1,7 @@
 //! The pictures that training matches, cropped to what differs from the background.
 
 use dermis_runtime::Camera;
+use dermis_runtime::framebuffer::to_byte;
 
 use crate::metrics::Rect;
 use crate::picture::Picture;
@@ -24,28 +25,36 @@ pub struct Crop {
     height: u32,
     /// Where the part stands.
     pub rect: Rect,
-    rgb: Vec<[u8; 3]>,
+    /// Colour over `background`, and coverage in 1/255.
+    pixels: Vec<[u8; 4]>,
+    background: [f32; 3],
 }
 
 impl Crop {
-    /// Of a rendered truth.
-    pub fn of(truth: &Truth) -> Self {
+    /// Of a truth that was rendered over `background`.
+    pub fn of(truth: &Truth, background: [f32; 3]) -> Self {
         let (width, height) = (truth.picture.width, truth.picture.height);
         let rect = covered(&truth.coverage, width);
         let rows = (rect.y..rect.y + rect.height).map(|y| (y * width + rect.x) as usize);
-        let pixels = rows.flat_map(|start| &truth.picture.rgb[start..start + rect.width as usize]);
-        let rgb = pixels.map(|pixel| pixel.map(dermis_runtime::framebuffer::to_byte)).collect();
-        Self { width, height, rect, rgb }
+        let places = rows.flat_map(|start| start..start + rect.width as usize);
+        let pixel = |at: usize| {
+            let [r, g, b] = truth.picture.rgb[at].map(to_byte);
+            [r, g, b, to_byte(truth.coverage[at])]
+        };
+        Self { width, height, rect, pixels: places.map(pixel).collect(), background }
     }
 
-    /// The whole picture over `background`.
+    /// The whole picture over `background`, which may be another one than it was rendered over.
     pub fn picture(&self, background: [f32; 3]) -> Picture {
+        let change: [f32; 3] = std::array::from_fn(|i| background[i] - self.background[i]);
         let mut picture = Picture::filled(self.width, self.height, background);
-        let rows = self.rgb.chunks_exact(self.rect.width.max(1) as usize);
+        let rows = self.pixels.chunks_exact(self.rect.width.max(1) as usize);
         for (y, row) in (self.rect.y..self.rect.y + self.rect.height).zip(rows) {
             let start = (y * self.width + self.rect.x) as usize;
-            for (to, from) in picture.rgb[start..].iter_mut().zip(row) {
-                *to = from.map(|byte| f32::from(byte) / 255.0);
+            for (to, &[r, g, b, coverage]) in picture.rgb[start..].iter_mut().zip(row) {
+                let seen_through = f32::from(255 - coverage) / 255.0;
+                let color = [r, g, b].map(|byte| f32::from(byte) / 255.0);
+                *to = std::array::from_fn(|i| color[i] + seen_through * change[i]);
             }
         }
         picture

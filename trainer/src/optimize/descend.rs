@@ -68,9 +68,9 @@ pub fn descend(
         let view = &problem.views[order.pop().unwrap_or(0)];
         let prefix = schedule.prefix(cloud.len() as u32, random);
         let stage = &problem.stages[view.stage];
-        let forward =
-            draw(cloud, prefix, stage, &view.camera, problem.low_pass, problem.background);
-        let truth = view.truth.picture(problem.background);
+        let background = schedule.background(problem.background, random);
+        let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
+        let truth = view.truth.picture(background);
         let region = region(&forward, view.truth.rect);
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.

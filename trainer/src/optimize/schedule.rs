@@ -55,6 +55,9 @@ pub struct Schedule {
     pub last_rate: f32,
     /// How prefixes are drawn; `None`: always all.
     pub nested: Option<Nested>,
+    /// Share of the steps before a background of a random colour, without which an avatar's white
+    /// parts would be free to be transparent before white.
+    pub random_background: f32,
 }
 
 /// How prefixes are drawn.
@@ -71,6 +74,15 @@ impl Schedule {
     pub fn rates_at(&self, step: u32) -> Rates {
         let progress = step as f32 / self.steps.max(1) as f32;
         self.rates.times(libm::powf(self.last_rate, progress))
+    }
+
+    /// What stands behind the avatar in a step: mostly `usual`.
+    pub fn background(&self, usual: [f32; 3], random: &mut Random) -> [f32; 3] {
+        if random.unit() < self.random_background {
+            [random.unit(), random.unit(), random.unit()]
+        } else {
+            usual
+        }
     }
 
     /// The prefix of a step.
