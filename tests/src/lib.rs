@@ -1,1 +1,15 @@
-//! Placeholder until its first commit.
+//! What the tests that span the crates share.
+//!
+//! 1. [`small`] trains the built-in avatar in seconds.
+//! 2. [`picture`] draws and compares pictures.
+//! 3. [`compare`] measures the runtime against the reference, and a file against its cloud.
+//! 4. [`golden`] compares with stored pictures and shows the difference.
+//! 5. [`files`] finds the workspace and its data, and makes small glTF files.
+//! 6. [`command`] builds and runs the `dermis` command.
+
+pub mod command;
+pub mod compare;
+pub mod files;
+pub mod golden;
+pub mod picture;
+pub mod small;

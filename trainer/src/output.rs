@@ -4,7 +4,7 @@ use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 
 /// A file in the making: a temporary one beside it, which takes its name at the end. Made before
 /// long work starts, so that a folder that cannot be written to is no surprise after it.
@@ -21,6 +21,9 @@ impl Output {
         let name = path
             .file_name()
             .with_context(|| format!("{}: names no file; give one", path.display()))?;
+        // Taking its name would fail at the very end (a folder) or replace a device.
+        let free = fs::metadata(path).map_or(true, |there| there.is_file());
+        ensure!(free, "{}: is a folder or a device; give the name of a file", path.display());
         let temporary =
             path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
         let file = File::create(&temporary).with_context(|| {

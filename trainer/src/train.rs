@@ -34,6 +34,8 @@ const UNSEEN_WEIGHT: f32 = 0.1;
 pub struct Trained {
     /// The file.
     pub bytes: Vec<u8>,
+    /// What was packed into it, before quantization.
+    pub cloud: Cloud,
     /// Steps taken.
     pub steps: u32,
 }
@@ -57,7 +59,7 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     };
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };
     let source = package::with_gaussians(source, &cloud, mathematics);
-    Ok(Trained { bytes: package::encode(&source)?, steps: options.steps })
+    Ok(Trained { bytes: package::encode(&source)?, cloud, steps: options.steps })
 }
 
 /// The poses to train on.

@@ -9,6 +9,8 @@ pub(crate) mod train;
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use clap::CommandFactory;
+use clap::error::ErrorKind;
 use dermis_runtime::Avatar;
 use serde::Serialize;
 
@@ -19,6 +21,17 @@ fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Re
     let bytes = dermis_trainer::output::read(path)?;
     let avatar = Avatar::parse(&bytes).with_context(|| path.display().to_string())?;
     act(&avatar).with_context(|| path.display().to_string())
+}
+
+/// Ends the program for options that contradict each other, as clap does for a bad one: exit code 2.
+fn misuse(message: &str) -> ! {
+    crate::Cli::command().error(ErrorKind::ArgumentConflict, message).exit()
+}
+
+/// A number that is neither infinite nor NaN.
+fn finite(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|x: &f32| x.is_finite());
+    number.ok_or_else(|| "give a finite number".into())
 }
 
 /// Prints `value` as JSON, or what `text` makes of it.

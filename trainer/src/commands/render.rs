@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use dermis_runtime::prepare::MAX_SIZE;
 use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_trainer::camera_file::{self, Shot};
@@ -25,13 +25,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["yaw", "pitch", "distance", "size"])]
     camera: Option<PathBuf>,
     /// Degrees around the avatar; 0 looks at its front.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES")]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite)]
     yaw: f32,
     /// Degrees above the horizon.
-    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES")]
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite)]
     pitch: f32,
     /// Metres from the middle of the avatar [default: as in training].
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", value_parser = super::finite)]
     distance: Option<f32>,
     /// Pixels.
     #[arg(long, default_value = "540x540", value_name = "WxH")]
@@ -40,13 +40,13 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME")]
     clip: Option<String>,
     /// Seconds into the clip.
-    #[arg(long, default_value_t = 0.0, requires = "clip", value_name = "SECONDS")]
+    #[arg(long, default_value_t = 0.0, requires = "clip", value_name = "SECONDS", value_parser = super::finite)]
     time: f32,
     /// At most this many Gaussians [default: all].
     #[arg(long, value_name = "N", conflicts_with = "level")]
     budget: Option<u32>,
     /// Level of detail, may lie between two.
-    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
     level: Option<f32>,
     /// Which arithmetic draws.
     #[arg(long, value_enum, default_value_t = Kernel::Scalar)]
@@ -129,7 +129,6 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
 
 fn pose(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Pose<'static>> {
     let Some(name) = &arguments.clip else { return Ok(Pose::Rest) };
-    ensure!(arguments.time.is_finite(), "--time: {} is not a number of seconds", arguments.time);
     let clip = avatar.clips().position(|clip| clip.name == name).with_context(|| {
         let names: Vec<&str> = avatar.clips().map(|clip| clip.name).collect();
         format!("has no clip {name}; choose one of: {}", names.join(", "))
@@ -142,11 +141,6 @@ fn shot(avatar: &Avatar<'_>, pose: &Pose<'_>, arguments: &Arguments) -> Result<S
         return camera_file::read(path);
     }
     let Size(width, height) = arguments.size;
-    let numbers = [Some(arguments.yaw), Some(arguments.pitch), arguments.distance];
-    ensure!(
-        numbers.iter().flatten().all(|x| x.is_finite()),
-        "--yaw, --pitch and --distance must be numbers"
-    );
     let camera = draw::orbit(
         avatar,
         pose,

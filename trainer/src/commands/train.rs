@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
 use dermis_trainer::options::{Method, Options, Preset};
@@ -56,7 +56,7 @@ struct Report {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
-    let options = options(arguments, common)?;
+    let options = options(arguments, common);
     let output = output::Output::create(&arguments.output)?;
     let model = import::load(&arguments.mesh)?;
     let trained =
@@ -74,14 +74,15 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     })
 }
 
-fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
+fn options(arguments: &Arguments, common: &Common) -> Options {
     let preset = Options::preset(arguments.preset);
     let lodavatar = arguments.method == Method::Lodavatar;
-    ensure!(
-        !(lodavatar && arguments.gaussians.is_some()),
-        "--gaussians: lodavatar's count follows from the mesh; choose --levels instead"
-    );
-    Ok(Options {
+    if lodavatar && arguments.gaussians.is_some() {
+        super::misuse(
+            "--gaussians: lodavatar's count follows from the mesh; choose --levels instead",
+        );
+    }
+    Options {
         method: arguments.method,
         gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
         levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
@@ -91,5 +92,5 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         clips: arguments.clips.clone(),
         seed: common.seed,
         ..preset
-    })
+    }
 }

@@ -95,7 +95,7 @@ mod tests {
         // The first two share an edge by position only.
         let model = model(&[[o, x, y], [x, o, z], [far, far + x, far + y]]);
         let seen = |front, back| SideCount { front, back };
-        let counts = [seen(10, 10), seen(50, 0), seen(100, 1)];
+        let counts = [seen(10, 10), seen(50, 0), seen(1000, 1)];
         assert_eq!(two_sided(&model, &counts), [true, true, false]);
     }
 }

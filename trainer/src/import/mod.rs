@@ -46,7 +46,7 @@ pub fn load(path: &Path) -> Result<Model> {
 }
 
 fn read(path: &Path) -> Result<Model> {
-    let bytes = std::fs::read(path).context("cannot be read")?;
+    let bytes = std::fs::read(path).context("cannot be read; is the path right?")?;
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
     let mut model = if bytes.starts_with(gltf::GLB_MAGIC) || starts_like_json(&bytes) {
         gltf::import(&bytes, path)?

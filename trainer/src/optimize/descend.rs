@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::adam::{Moments, Rates};
 use super::backward::{SplatGradient, by_splats};
-use super::cloud::{Cloud, Freedom, PARAMETERS, Parameters, Seed};
+use super::cloud::{Cloud, Freedom, Parameters, Seed};
 use super::forward::{Forward, Prefix, Stage, draw};
 use super::loss::Loss;
-use super::projection::{ByScreen, by_disc};
+use super::projection::by_parameters;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
@@ -107,7 +107,11 @@ fn region(forward: &Forward, truth: Rect) -> Rect {
         [x0.min(a0), y0.min(b0), x1.max(a1), y1.max(b1)]
     });
     let [x0, y0, x1, y1] = [all[0], all[1], all[2].min(width), all[3].min(height)];
-    Rect { x: x0, y: y0, width: x1.saturating_sub(x0), height: y1.saturating_sub(y0) }
+    // A view may see nothing at all: a flat sheet from its side.
+    if x0 >= x1 || y0 >= y1 {
+        return Rect { x: 0, y: 0, width: 0, height: 0 };
+    }
+    Rect { x: x0, y: y0, width: x1 - x0, height: y1 - y0 }
 }
 
 fn corners(rect: Rect) -> [u32; 4] {
@@ -166,22 +170,14 @@ impl Mover<'_> {
             return;
         }
         let Some(frame) = &self.stage.frames[gaussian.triangle as usize] else { return };
-        let p = &gaussian.parameters;
-        let by = ByScreen {
-            mean: gradient.mean,
-            falloff: gradient.falloff,
-            log2_opacity: gradient.log2_opacity,
-        };
-        let log2_scale = p.log2_scale.map(|s| s + self.prefix.log2_scale);
-        let by = by_disc(&self.view, self.low_pass, frame, (p.position, p.angle, log2_scale), &by);
-        let mut gradient: [f32; PARAMETERS] = Parameters {
-            position: by.position,
-            angle: by.angle,
-            log2_scale: by.log2_scale,
-            // d log₂ o / d logit = (1 − o) / ln 2.
-            logit: gradient.log2_opacity * (1.0 - p.opacity()) * core::f32::consts::LOG2_E,
-            color: gradient.color,
-        }
+        let mut gradient = by_parameters(
+            &self.view,
+            self.low_pass,
+            frame,
+            &gaussian.parameters,
+            self.prefix.log2_scale,
+            gradient,
+        )
         .to_array();
         if gaussian.freedom == Freedom::Anchored {
             gradient[..3].fill(0.0);

@@ -7,6 +7,9 @@ use dermis_runtime::gaussian::disc_on;
 use dermis_runtime::math::{Real, add, dot, scale};
 use dermis_runtime::project::{HALF_LOG2_E, LOW_PASS, View};
 
+use super::backward::SplatGradient;
+use super::cloud::Parameters;
+
 /// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
 #[derive(Clone, Copy, Debug)]
 pub struct ByScreen<R> {
@@ -27,6 +30,33 @@ pub struct ByDisc<R> {
     pub angle: R,
     /// By log₂ of the scales.
     pub log2_scale: [R; 2],
+}
+
+/// Takes the gradient of one splat to all parameters of its Gaussian, which stands on `frame` and
+/// was drawn with `log2_factor` added to log₂ of its scales.
+pub fn by_parameters(
+    view: &View<f32>,
+    low_pass: LowPass,
+    frame: &Frame<f32>,
+    p: &Parameters,
+    log2_factor: f32,
+    gradient: &SplatGradient,
+) -> Parameters {
+    let by = ByScreen {
+        mean: gradient.mean,
+        falloff: gradient.falloff,
+        log2_opacity: gradient.log2_opacity,
+    };
+    let log2_scale = p.log2_scale.map(|s| s + log2_factor);
+    let by = by_disc(view, low_pass, frame, (p.position, p.angle, log2_scale), &by);
+    Parameters {
+        position: by.position,
+        angle: by.angle,
+        log2_scale: by.log2_scale,
+        // d log₂ o / d logit = (1 − o) / ln 2.
+        logit: gradient.log2_opacity * (1.0 - p.opacity()) * core::f32::consts::LOG2_E,
+        color: gradient.color,
+    }
 }
 
 /// Takes the gradient of one splat to the disc it came from, which was at `position`, `angle`,

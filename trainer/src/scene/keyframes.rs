@@ -50,7 +50,8 @@ pub fn clips_named(model: &Model, names: &[String]) -> Result<Vec<usize>> {
         .map(|name| {
             model.clips.iter().position(|clip| clip.name == *name).with_context(|| {
                 let known: Vec<&str> = model.clips.iter().map(|clip| clip.name.as_str()).collect();
-                format!("no clip is named {name:?}; there are: {}", known.join(", "))
+                let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                format!("no clip is named {name:?}; there are: {known}")
             })
         })
         .collect()

@@ -1,0 +1,42 @@
+//! The built-in avatar, trained small.
+
+use dermis_runtime::{Avatar, Pose, Posed};
+use dermis_trainer::demo::demo_avatar;
+use dermis_trainer::model::Model;
+use dermis_trainer::optimize::forward::Stage;
+use dermis_trainer::options::{Options, Preset};
+use dermis_trainer::train::{Trained, train};
+
+/// White, as in training.
+pub const WHITE: [f32; 3] = [1.0; 3];
+
+/// Options for seconds of work: 2 poses from 12 directions, 96 px.
+pub fn options(gaussians: u32, steps: u32) -> Options {
+    Options {
+        gaussians,
+        steps,
+        levels: 3,
+        views: 12,
+        key_frames: 2,
+        size: 96,
+        ..Options::preset(Preset::Draft)
+    }
+}
+
+/// The built-in avatar and what `options` make of it.
+pub fn trained_demo(options: &Options) -> (Model, Trained) {
+    let model = demo_avatar();
+    let trained = train(&model, options).expect("the built-in avatar trains");
+    (model, trained)
+}
+
+/// A pose of an avatar as training sees it.
+pub fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Stage {
+    let mut scratch = vec![0; Posed::scratch_len(avatar)];
+    let posed = Posed::new(avatar, pose, &mut scratch).expect("scratch is long enough");
+    let triangles = avatar.header().triangles;
+    Stage {
+        frames: (0..triangles).map(|triangle| posed.frame(triangle)).collect(),
+        two_sided: (0..triangles).map(|t| avatar.is_two_sided(t as usize)).collect(),
+    }
+}

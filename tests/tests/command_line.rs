@@ -1,0 +1,257 @@
+//! The `dermis` command from outside: exit codes, messages, JSON, and files that are whole or absent.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dermis_tests::command::{Run, run};
+use dermis_tests::files::{SmallMesh, empty_folder, names};
+use dermis_tests::small::{options, trained_demo};
+use serde_json::Value;
+
+const TINY: &str = "--preset draft --gaussians 150 --views 4 --keyframes 1 --size 24 --levels 2";
+
+/// A folder with `a.dermis`, the built-in avatar in a few Gaussians.
+fn folder(name: &str) -> PathBuf {
+    let folder = empty_folder(name);
+    let options = dermis_trainer::options::Options { size: 32, ..options(300, 5) };
+    fs::write(folder.join("a.dermis"), trained_demo(&options).1.bytes).expect("it can be written");
+    folder
+}
+
+/// Runs, and checks that the folder holds what it held and nothing was printed.
+fn run_in_vain(folder: &Path, arguments: &str) -> Run {
+    let before = names(folder);
+    let run = run(folder, arguments);
+    assert_eq!(run.stdout, "", "{arguments}: nothing on stdout");
+    assert_eq!(names(folder), before, "{arguments}: no file made, none left");
+    run
+}
+
+/// A failure: exit code 1 and one line that holds all of `parts`, the file and the remedy.
+fn fails(folder: &Path, arguments: &str, parts: &[&str]) {
+    let run = run_in_vain(folder, arguments);
+    assert_eq!(run.code, Some(1), "{arguments}: {run:?}");
+    assert!(run.stderr.ends_with('\n') && run.stderr.lines().count() == 1, "{arguments}: {run:?}");
+    for part in parts {
+        assert!(run.stderr.contains(part), "{arguments}: {part:?} is not in {:?}", run.stderr);
+    }
+    println!("{}", run.stderr.trim_end());
+}
+
+/// Bad usage: exit code 2 and a message that names the option.
+fn misuses(folder: &Path, arguments: &str, option: &str) {
+    let run = run_in_vain(folder, arguments);
+    assert_eq!(run.code, Some(2), "{arguments}: {run:?}");
+    assert!(run.stderr.contains(option), "{arguments}: {option:?} is not in {:?}", run.stderr);
+}
+
+/// One JSON object on stdout, and nothing else there.
+fn json(folder: &Path, arguments: &str) -> Value {
+    let run = run(folder, &format!("{arguments} --json"));
+    assert_eq!(run.code, Some(0), "{arguments}: {run:?}");
+    assert_eq!(run.stdout.lines().count(), 1, "{arguments}: one line");
+    let value: Value = serde_json::from_str(&run.stdout).expect("stdout is JSON");
+    assert!(value.is_object(), "{arguments}: an object");
+    value
+}
+
+fn has_keys(value: &Value, keys: &str) {
+    for key in keys.split_whitespace() {
+        assert!(value.get(key).is_some(), "no {key} in {value}");
+    }
+}
+
+#[test]
+fn damaged_avatars_are_refused() {
+    let folder = folder("damaged_avatars");
+    let whole = fs::read(folder.join("a.dermis")).expect("it was written");
+    let damaged = folder.join("damaged.dermis");
+    let refused = |bytes: &[u8]| {
+        fs::write(&damaged, bytes).expect("it can be written");
+        fails(&folder, "info damaged.dermis", &["damaged.dermis: ", "; "]);
+        fails(&folder, "render damaged.dermis -o out.png --size 16x16", &["damaged.dermis: "]);
+    };
+    // Every byte and bit is the format's own test; here the message matters.
+    for len in [0, 3, 20, whole.len() / 3, whole.len() - 1] {
+        refused(&whole[..len]);
+    }
+    for place in (1..8).map(|i| i * whole.len() / 8) {
+        let mut flipped = whole.clone();
+        flipped[place] ^= 1 << (place % 8);
+        refused(&flipped);
+    }
+}
+
+#[test]
+fn bad_meshes_are_refused() {
+    let folder = empty_folder("bad_meshes");
+    let pyramid = SmallMesh::pyramid();
+    let whole = pyramid.glb();
+    let mut out_of_range = pyramid.clone();
+    out_of_range.indices[4] = 5;
+    let mut not_a_number = pyramid.clone();
+    not_a_number.positions[2][1] = f32::NAN;
+    let mut without_area = pyramid.clone();
+    without_area.positions.fill([1.0; 3]);
+    let no_triangles = SmallMesh { indices: Vec::new(), ..pyramid.clone() };
+    let uvs = pyramid.positions.iter().map(|[x, y, _]| [x + 0.5, *y]).collect();
+    let image = Some("absent.png".to_owned());
+    let no_image = SmallMesh { uvs, image, ..pyramid };
+    let files: [(&str, Vec<u8>, &str); 11] = [
+        ("short.glb", whole[..whole.len() - 40].to_vec(), ""),
+        ("header.glb", whole[..15].to_vec(), ""),
+        ("empty.glb", Vec::new(), ""),
+        ("other.gltf", br#"{"name":"not a scene","values":[1,2,3]}"#.to_vec(), ""),
+        ("half.gltf", br#"{"asset":{"version":"2.0"},"meshes":["#.to_vec(), ""),
+        ("range.glb", out_of_range.glb(), ""),
+        ("nan.glb", not_a_number.glb(), ""),
+        ("area.glb", without_area.glb(), "area"),
+        ("none.glb", no_triangles.glb(), ""),
+        ("image.glb", no_image.glb(), "absent.png"),
+        ("face.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), ""),
+    ];
+    for (name, bytes, _) in &files {
+        fs::write(folder.join(name), bytes).expect("it can be written");
+    }
+    for (name, _, part) in &files {
+        let named = format!("{name}: ");
+        fails(&folder, &format!("train {name} -o out.dermis {TINY}"), &[&named, "; ", part]);
+    }
+}
+
+#[test]
+fn files_that_cannot_be_read_or_written() {
+    let folder = folder("unwritable");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    fs::write(folder.join("notes.txt"), "no avatar").expect("it can be written");
+    fs::create_dir(folder.join("there")).expect("it can be made");
+    for command in ["info", "render -o out.png", "eval --mesh mesh.glb"] {
+        fails(&folder, &format!("{command} absent.dermis"), &["absent.dermis: ", "; ", "path"]);
+        fails(&folder, &format!("{command} notes.txt"), &["notes.txt: ", "; "]);
+    }
+    fails(&folder, &format!("train absent.glb -o out.dermis {TINY}"), &["absent.glb: ", "; "]);
+    fails(&folder, &format!("train notes.txt -o out.dermis {TINY}"), &["notes.txt: ", "; "]);
+    fails(&folder, "render a.dermis -o out.png --camera absent.json", &["absent.json: ", "; "]);
+    fails(&folder, "render a.dermis -o out.png --camera notes.txt", &["notes.txt: ", "; "]);
+    // A file where a folder should be, no folder at all, and a folder where the file should be.
+    for output in ["notes.txt/out", "absent/out", "there"] {
+        let mesh = format!("train mesh.glb {TINY} -o {output}");
+        for command in [&mesh, &format!("render a.dermis -o {output}")] {
+            fails(&folder, command, &[&format!("{output}: "), "; "]);
+        }
+    }
+    fails(&folder, "demo --out notes.txt", &["notes.txt: ", "; "]);
+    // What stood there before a failure still stands there.
+    fails(&folder, &format!("train notes.txt -o a.dermis {TINY}"), &["notes.txt: "]);
+    json(&folder, "info a.dermis");
+}
+
+#[test]
+fn wrong_names_and_numbers() {
+    let folder = folder("wrong_names");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    let render = "render a.dermis -o out.png";
+    fails(&folder, &format!("{render} --clip hover"), &["a.dermis: ", "hover", "wave", "walk"]);
+    fails(
+        &folder,
+        &format!("train mesh.glb -o out.dermis {TINY} --clips fly"),
+        &["mesh.glb: ", "fly"],
+    );
+    fails(&folder, "eval a.dermis --mesh mesh.glb", &["a.dermis: ", "triangles", "; "]);
+    for size in ["0x5", "5", "axb", "5x", "-3x4", "99999x10", "10x10x10", "1e3x5"] {
+        misuses(&folder, &format!("{render} --size={size}"), "--size");
+    }
+    for option in
+        ["--yaw inf", "--pitch x", "--distance nan", "--level nan", "--clip wave --time nan"]
+    {
+        let name = option.rsplit(' ').nth(1).unwrap_or(option);
+        misuses(&folder, &format!("{render} {option}"), name);
+    }
+    misuses(&folder, &format!("{render} --budget=-1"), "--budget");
+    misuses(&folder, &format!("{render} --budget 3 --level 1"), "--level");
+    misuses(&folder, &format!("{render} --kernel fast"), "--kernel");
+    misuses(&folder, &format!("{render} --time 1"), "--clip");
+    misuses(&folder, "render a.dermis", "--output");
+    misuses(&folder, "train mesh.glb -o out.dermis --gaussians 0", "--gaussians");
+    misuses(&folder, "train mesh.glb -o out.dermis --views 43", "--views");
+    misuses(&folder, "train mesh.glb -o out.dermis --preset quick", "--preset");
+    misuses(
+        &folder,
+        "train mesh.glb -o out.dermis --method lodavatar --gaussians 5",
+        "--gaussians",
+    );
+    misuses(&folder, "paint a.dermis", "paint");
+    misuses(&folder, "", "Usage");
+}
+
+#[test]
+fn small_frames_and_small_budgets_give_right_pictures() {
+    let folder = folder("small_frames");
+    let picture = |name: &str| image::open(folder.join(name)).expect("it is a PNG").into_rgba8();
+    let report = json(&folder, "render a.dermis -o none.png --budget 0 --size 40x30");
+    assert_eq!([&report["gaussians_selected"], &report["blends"]], [0, 0]);
+    let none = picture("none.png");
+    assert_eq!(none.dimensions(), (40, 30));
+    assert!(none.pixels().all(|pixel| pixel.0 == [255; 4]), "only background");
+    let report = json(&folder, "render a.dermis -o one.png --size 1x1 --distance 0.4");
+    assert!(report["blends"].as_u64() > Some(0), "the pixel shows the avatar");
+    let one = picture("one.png");
+    assert_eq!(one.dimensions(), (1, 1));
+    assert_ne!(one.get_pixel(0, 0).0, [255; 4]);
+    let report = json(&folder, "render a.dermis -o few.png --budget 7 --size 33x65 --yaw -30");
+    assert_eq!(report["gaussians_selected"], 7);
+    // The same frame twice has the same checksum, and so has the reference where nothing differs.
+    let again = json(&folder, "render a.dermis -o few.png --budget 7 --size 33x65 --yaw -30");
+    assert_eq!(report["frame_crc32"], again["frame_crc32"]);
+    assert_eq!(names(&folder), ["a.dermis", "few.png", "none.png", "one.png"]);
+}
+
+#[test]
+fn json_has_the_keys_of_the_design() {
+    let folder = folder("json_keys");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    const INFO: &str = "bytes bytes_per_gaussian gaussians sh_degree layers regions mesh clips";
+    let info = json(&folder, "info a.dermis");
+    has_keys(&info, INFO);
+    has_keys(&info["layers"][0], "gaussians bytes");
+    has_keys(&info["regions"][0], "name triangles gaussians");
+    has_keys(&info["mesh"], "vertices triangles joints morph_targets");
+    has_keys(&info["clips"][0], "name seconds");
+    let bytes = fs::metadata(folder.join("a.dermis")).expect("it is there").len();
+    assert_eq!(info["bytes"], bytes);
+
+    let render = json(&folder, "render a.dermis -o a.png --clip wave --time 0.4 --size 64x64");
+    let keys = "gaussians_selected gaussians_visible blends scratch_bytes level ms frame_crc32";
+    has_keys(&render, keys);
+    has_keys(&render["ms"], "pose select project sort raster total");
+
+    // Without texture coordinates, too, a mesh trains.
+    let train = json(&folder, &format!("train mesh.glb -o b.dermis {TINY}"));
+    has_keys(&train, &format!("seconds steps {INFO}"));
+    assert_eq!(train["gaussians"], 150);
+
+    let eval = json(&folder, "eval b.dermis --mesh mesh.glb --size 24 --views 2 --budgets 50");
+    has_keys(&eval, "views rows");
+    let rows = eval["rows"].as_array().expect("rows are a list");
+    assert_eq!(rows.len(), 3, "two levels and a budget");
+    for row in rows {
+        has_keys(row, "split level budget gaussians bytes psnr_db psnr_foreground_db ssim flip");
+        assert_eq!(row["split"], "novel_view");
+    }
+    let last = rows[2]["psnr_foreground_db"].as_f64();
+    assert!(last > Some(20.0), "a pyramid of one colour is no more than {last:?} dB");
+    assert_eq!(names(&folder), ["a.dermis", "a.png", "b.dermis", "mesh.glb"]);
+}
+
+#[test]
+fn seeds_and_threads_from_outside() {
+    let folder = empty_folder("seeds");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    let train = |out: &str, more: &str| {
+        json(&folder, &format!("train mesh.glb -o {out} {TINY} {more}"));
+        fs::read(folder.join(out)).expect("it was written")
+    };
+    let one = train("one.dermis", "--threads 1");
+    assert!(one == train("two.dermis", "--threads 2"), "threads change nothing");
+    assert!(one != train("other.dermis", "--seed 2"), "seeds do");
+}
