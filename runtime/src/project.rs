@@ -88,8 +88,9 @@ pub struct Projected<R> {
     pub mean: [R; 2],
     /// Variances xx, xy, yy after the low-pass, px².
     pub covariance: [R; 3],
-    /// Inverse of `covariance`, xx, xy, yy, px⁻².
-    pub conic: [R; 3],
+    /// a, b, c of the exponent (a dx + b dy)² + (c dy)² = q/2 · log₂ e at (dx, dy) px from the centre:
+    /// the Cholesky factor of the inverse of `covariance`, scaled, px⁻¹.
+    pub falloff: [R; 3],
     /// What the low-pass leaves of opacity: √(det Σ / det(Σ + 0.3 I)), or 1 (classic).
     pub compensation: R,
     /// z of the centre in camera axes, metres.
@@ -100,7 +101,9 @@ pub struct Projected<R> {
 ///
 /// With bᵢ = J W aᵢ (2-vectors) Σ' = Σ bᵢbᵢᵀ and, by Cauchy and Binet, det Σ' = Σ (bᵢ × bⱼ)² over
 /// pairs, a sum of squares: no cancellation, however thin the Gaussian. So is
-/// det(Σ' + h I) = det Σ' + h tr Σ' + h².
+/// det(Σ' + h I) = det Σ' + h tr Σ' + h². The quadratic form is kept as a sum of two squares for the
+/// same reason: far from the centre of a long needle the terms of a dx² + b dx dy + c dy² are
+/// millions and cancel.
 pub fn project<R: Real, const N: usize>(
     view: &View<R>,
     low_pass: LowPass,
@@ -134,11 +137,13 @@ pub fn project<R: Real, const N: usize>(
     };
     let inverse = R::ONE / filtered;
     let (xx, yy) = (xx + h, yy + h);
+    let half_log2_e = R::of(HALF_LOG2_E);
+    let a = (half_log2_e * yy * inverse).sqrt();
     let mean = [view.focal[0] * (x / z) + view.center[0], view.focal[1] * (y / z) + view.center[1]];
     let projected = Projected {
         mean,
         covariance: [xx, xy, yy],
-        conic: [yy * inverse, -(xy * inverse), xx * inverse],
+        falloff: [a, -(a * (xy / yy)), (half_log2_e / yy).sqrt()],
         compensation,
         depth: z,
     };
@@ -147,13 +152,13 @@ pub fn project<R: Real, const N: usize>(
 }
 
 /// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha
-/// 2^(log2_opacity − (a dx² + b dx dy + c dy²)).
+/// 2^(log2_opacity − (a dx + b dy)² − (c dy)²).
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Splat {
     /// Centre, px.
     pub mean: [f32; 2],
-    /// a, b, c: conic xx, 2 xy, yy times log₂(e) / 2, px⁻².
+    /// a, b, c: see [`Projected::falloff`], px⁻¹.
     pub falloff: [f32; 3],
     /// log₂ of opacity after compensation; at least [`LEAST_LOG2_ALPHA`], may reach 0.
     pub log2_opacity: f32,
@@ -187,10 +192,9 @@ impl Splat {
         if x0 >= x1 || y0 >= y1 {
             return None;
         }
-        let [xx, xy, yy] = p.conic;
         Some(Self {
             mean: p.mean,
-            falloff: [xx * HALF_LOG2_E, xy * (2.0 * HALF_LOG2_E), yy * HALF_LOG2_E],
+            falloff: p.falloff,
             log2_opacity,
             color,
             depth: p.depth,

@@ -22,7 +22,8 @@ pub const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 #[inline]
 pub fn log2_alpha(splat: &Splat, dx: f32, dy: f32) -> f32 {
     let [a, b, c] = splat.falloff;
-    splat.log2_opacity - (a * (dx * dx) + (b * (dx * dy) + c * (dy * dy)))
+    let (u, v) = (a * dx + b * dy, c * dy);
+    (splat.log2_opacity - v * v) - u * u
 }
 
 /// Alpha from its logarithm: `None` below 1/255, at most 0.99.
@@ -31,7 +32,6 @@ pub fn alpha(log2_alpha: f32) -> Option<f32> {
     if !(log2_alpha >= LEAST_LOG2_ALPHA) {
         return None;
     }
-    // Rounding can lift the exponent of a needle a little above 0.
     let alpha = exp2_of_alpha(if log2_alpha < 0.0 { log2_alpha } else { 0.0 });
     Some(if alpha < GREATEST_ALPHA { alpha } else { GREATEST_ALPHA })
 }

@@ -37,9 +37,8 @@ fn screen(
 ) -> [f64; 6] {
     let disc = disc_on(frame, [x, y, z], angle, [s, t]);
     let p = project(view, low_pass, &disc).expect("in front of the camera");
-    let half_log2_e = std::f64::consts::LOG2_E / 2.0;
-    let [xx, xy, yy] = p.conic.map(|c| c * half_log2_e);
-    [p.mean[0], p.mean[1], xx, 2.0 * xy, yy, p.compensation.log2()]
+    let [a, b, c] = p.falloff;
+    [p.mean[0], p.mean[1], a, b, c, p.compensation.log2()]
 }
 
 /// A disc before a camera; most of them stand where slopes are clamped.
@@ -264,7 +263,7 @@ impl Scene {
             for &source in blended {
                 let ([u, v, a, b, c, log2_opacity], rgb) = splats[source as usize];
                 let (dx, dy) = (x - u, y - v);
-                let alpha = (log2_opacity - (a * dx * dx + b * dx * dy + c * dy * dy)).exp2();
+                let alpha = (log2_opacity - (a * dx + b * dy).powi(2) - (c * dy).powi(2)).exp2();
                 for (sum, c) in color.iter_mut().zip(rgb) {
                     *sum += transmittance * alpha * c;
                 }

@@ -27,8 +27,8 @@ pub struct Gallery {
 }
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}\
-figure{display:inline-block;margin:0 .5rem 1rem 0;vertical-align:top}figure img{width:15rem;border:1px solid #ddd}\
-figcaption{font-size:.85rem;color:#555;max-width:15rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}\
+figure{display:inline-block;margin:0 .5rem 1rem 0;vertical-align:top}figure img{width:12.6rem;border:1px solid #ddd}\
+figcaption{font-size:.85rem;color:#555;max-width:12.6rem}table{border-collapse:collapse;font-variant-numeric:tabular-nums}\
 td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid #ddd}svg{background:#fafafa;border:1px solid #ddd}";
 
 /// The page.
@@ -163,7 +163,7 @@ fn plot(rows: &[Row]) -> String {
             out,
             "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{color}\">{}</text>",
             WIDTH - 4.0,
-            y(last.psnr_foreground_db) + 2.0 * dy,
+            y(last.psnr_foreground_db) + 2.6 * dy,
             split_name(split)
         );
     }

@@ -11,7 +11,7 @@ use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::harmonics;
 use dermis_runtime::math::{Real, dot, scale, sub};
 use dermis_runtime::prepare::{SplatCamera, for_each_visible};
-use dermis_runtime::project::{HALF_LOG2_E, Splat, View, project};
+use dermis_runtime::project::{Splat, View, project};
 use dermis_runtime::raster::{CLEAR, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha};
 use dermis_runtime::select::{Local, Selected};
 use dermis_runtime::tiles::{Pair, TileGrid};
@@ -121,11 +121,9 @@ fn packed<const N: usize>(
     let invisible =
         Exact { mean: [0.0; 2], falloff: [0.0; 3], log2_opacity: f64::NEG_INFINITY, color };
     let Some(p) = project(view, low_pass, ellipsoid) else { return invisible };
-    let half_log2_e = f64::from(HALF_LOG2_E);
-    let [xx, xy, yy] = p.conic;
     Exact {
         mean: p.mean,
-        falloff: [xx * half_log2_e, 2.0 * xy * half_log2_e, yy * half_log2_e],
+        falloff: p.falloff,
         log2_opacity: (f64::from(opacity) * p.compensation).log2(),
         color,
     }
@@ -179,6 +177,7 @@ fn touches(splat: &Splat, x: u32, y: u32) -> bool {
 fn exact_alpha(splat: &Exact, px: f64, py: f64) -> f64 {
     let (dx, dy) = (px - splat.mean[0], py - splat.mean[1]);
     let [a, b, c] = splat.falloff;
-    let exponent = splat.log2_opacity - (a * dx * dx + b * dx * dy + c * dy * dy);
+    let (u, v) = (a * dx + b * dy, c * dy);
+    let exponent = splat.log2_opacity - v * v - u * u;
     exponent.at_most(0.0).exp2().at_most(0.99)
 }

@@ -134,9 +134,12 @@ fn by_blend(
     let by_exponent = by_alpha * alpha * core::f32::consts::LN_2;
     let [a, b, c] = splat.falloff;
     sum.log2_opacity += by_exponent;
-    sum.falloff[0] -= by_exponent * dx * dx;
-    sum.falloff[1] -= by_exponent * dx * dy;
-    sum.falloff[2] -= by_exponent * dy * dy;
-    sum.mean[0] += by_exponent * (2.0 * a * dx + b * dy);
-    sum.mean[1] += by_exponent * (b * dx + 2.0 * c * dy);
+    // exponent = log₂ o − u² − v² with u = a dx + b dy, v = c dy.
+    let by_u = -2.0 * by_exponent * (a * dx + b * dy);
+    let by_v = -2.0 * by_exponent * c * dy;
+    sum.falloff[0] += by_u * dx;
+    sum.falloff[1] += by_u * dy;
+    sum.falloff[2] += by_v * dy;
+    sum.mean[0] -= by_u * a;
+    sum.mean[1] -= by_u * b + by_v * c;
 }

@@ -110,8 +110,8 @@ pub fn by_disc<R: Real>(
     }
 }
 
-/// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)²:
-/// falloff = log₂e/2 · (yy, −2 xy, xx) / D, log₂ opacity = … + ½ log₂(det Σ / D).
+/// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)², κ = log₂e/2:
+/// falloff a = √(κ yy / D), b = −a xy / yy, c = √(κ / yy), log₂ opacity = … + ½ log₂(det Σ / D).
 fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
     let [[u0, v0], [u1, v1]] = b;
     let h = R::of(LOW_PASS);
@@ -119,14 +119,16 @@ fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) 
     let area = u0 * v1 - v0 * u1;
     let det = area * area;
     let filtered = det + h * (xx + yy) + h * h;
-    let (xx, yy) = (xx + h, yy + h);
-    let two = R::of(2.0);
-    let half_log2_e = R::of(HALF_LOG2_E) / filtered;
-    let [ga, gb, gc] = by.falloff;
-    let (by_xx, by_yy) = (gc * half_log2_e, ga * half_log2_e);
-    let by_xy = -(two * gb * half_log2_e);
-    let value = ga * yy * half_log2_e - two * gb * xy * half_log2_e + gc * xx * half_log2_e;
-    let mut by_filtered = -(value / filtered);
+    let yy = yy + h;
+    let (two, kappa) = (R::of(2.0), R::of(HALF_LOG2_E));
+    let a = (kappa * yy / filtered).sqrt();
+    let slope = -(xy / yy);
+    let c = (kappa / yy).sqrt();
+    let [by_a, by_b, by_c] = by.falloff;
+    let by_a = by_a + by_b * slope;
+    let by_xy = -(by_b * a / yy);
+    let by_yy = (by_a * a - by_c * c) / (two * yy) - by_b * a * slope / yy;
+    let mut by_filtered = -(by_a * a / (two * filtered));
     let mut by_det = R::ZERO;
     if low_pass == LowPass::Compensated && det > R::ZERO {
         let per_ratio = by.log2_opacity * R::of(HALF_LOG2_E);
@@ -138,11 +140,11 @@ fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) 
     let by_area = two * area * by_det;
     [
         [
-            two * u0 * (by_xx + by_trace) + v0 * by_xy + by_area * v1,
+            two * u0 * by_trace + v0 * by_xy + by_area * v1,
             two * v0 * (by_yy + by_trace) + u0 * by_xy - by_area * u1,
         ],
         [
-            two * u1 * (by_xx + by_trace) + v1 * by_xy - by_area * v0,
+            two * u1 * by_trace + v1 * by_xy - by_area * v0,
             two * v1 * (by_yy + by_trace) + u1 * by_xy + by_area * u0,
         ],
     ]
