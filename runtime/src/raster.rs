@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use crate::math::exp2_of_alpha;
+use crate::math::{Real, exp2_of_alpha};
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::{Pair, TILE};
 
@@ -36,6 +36,29 @@ pub fn alpha(log2_alpha: f32) -> Option<f32> {
     Some(if alpha < GREATEST_ALPHA { alpha } else { GREATEST_ALPHA })
 }
 
+/// The part of `columns` that a splat can touch in the row at `dy`: none of its pixels is left
+/// out, so this changes what a row costs, never what it shows.
+///
+/// α ≥ 1/255 where |a dx + b dy| ≤ √(reach − (c dy)²), with reach = log₂ o + log₂ 255.
+#[inline]
+pub fn row_span(splat: &Splat, dy: f32, columns: Range<u32>) -> Range<u32> {
+    let [a, b, c] = splat.falloff;
+    let v = c * dy;
+    let room = splat.log2_opacity - LEAST_LOG2_ALPHA - v * v;
+    // A little more than rounding can take away, here and in the ends.
+    let half = room.at_least(0.0).sqrt() + 1e-3;
+    let middle = -(b * dy);
+    let end = |edge: f32, slack: f32| splat.mean[0] + edge / a + slack;
+    let slack = 0.02 + 1e-5 * ((middle.abs() + half) / a);
+    let first = end(middle - half, -slack) - 0.5;
+    let last = end(middle + half, slack) + 0.5;
+    let clamp = |x: f32| x.at_least(columns.start as f32).at_most(columns.end as f32) as u32;
+    // What is not finite leaves nothing out.
+    let start = if first.is_finite() { clamp(first) } else { columns.start };
+    let stop = if last.is_finite() { clamp(last) } else { columns.end };
+    start..stop
+}
+
 /// Blends the splats of `order` into a tile whose pixels are `columns × rows` of the frame.
 /// Returns how many blends that took.
 ///
@@ -54,10 +77,10 @@ pub fn draw_tile(
         let (x0, x1) = (x0.max(columns.start), x1.min(columns.end));
         for y in y0.max(rows.start)..y1.min(rows.end) {
             let dy = y as f32 + 0.5 - splat.mean[1];
-            let start = ((y - rows.start) * TILE) as usize;
-            let row = pixels.get_mut(start..start + TILE as usize).unwrap_or(&mut []);
-            for x in x0..x1 {
-                let Some(pixel) = row.get_mut((x - columns.start) as usize) else { continue };
+            let span = row_span(splat, dy, x0..x1);
+            let start = ((y - rows.start) * TILE + span.start - columns.start) as usize;
+            let row = pixels.get_mut(start..start + span.len()).unwrap_or(&mut []);
+            for (x, pixel) in span.zip(row) {
                 let dx = x as f32 + 0.5 - splat.mean[0];
                 if pixel[3] < LEAST_TRANSMITTANCE {
                     continue;
@@ -83,4 +106,71 @@ pub fn blend(pixel: &mut [f32; 4], alpha: f32, color: [f32; 3]) {
     pixel[1] += weight * color[1];
     pixel[2] += weight * color[2];
     pixel[3] -= weight;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::gaussian::Ellipsoid;
+    use crate::project::{View, project};
+    use dermis_format::LowPass;
+
+    /// Random discs from specks to needles as long as the frame: every pixel that a splat touches
+    /// is in its row's span, and spans are at most 4 px wider than what is touched.
+    #[test]
+    fn spans_hold_every_touched_pixel() {
+        const SIZE: u32 = 256;
+        let camera = Camera {
+            width: SIZE,
+            height: SIZE,
+            fx: 300.0,
+            fy: 280.0,
+            cx: 128.0,
+            cy: 120.0,
+            world_to_camera: crate::math::IDENTITY,
+        };
+        let view = View::new(&camera);
+        let mut seed = 7u32;
+        let mut unit = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / 16_777_216.0
+        };
+        let (mut rows, mut touched_rows) = (0, 0);
+        for _ in 0..3000 {
+            let lengths = [0, 1].map(|_| libm::exp2f(-12.0 + 12.0 * unit()));
+            let direction = [0, 1, 2].map(|_| unit() - 0.5);
+            let across = crate::math::cross(direction, [0.3, -0.5, 0.8]);
+            let disc = Ellipsoid {
+                center: [2.0 * unit() - 1.0, 2.0 * unit() - 1.0, 0.5 + 2.0 * unit()],
+                axes: [
+                    crate::math::scale(direction, lengths[0]),
+                    crate::math::scale(across, lengths[1]),
+                ],
+            };
+            let Some(p) = project(&view, LowPass::Classic, &disc) else { continue };
+            let Some(splat) = Splat::pack(&p, 0.01 + 0.98 * unit(), [1.0; 3], SIZE, SIZE) else {
+                continue;
+            };
+            let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
+            for y in y0..y1 {
+                let dy = y as f32 + 0.5 - splat.mean[1];
+                let touches = |x: &u32| {
+                    alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).is_some()
+                };
+                let span = row_span(&splat, dy, x0..x1);
+                assert!((x0..x1).filter(touches).all(|x| span.contains(&x)), "{splat:?} row {y}");
+                rows += 1;
+                if let (Some(first), Some(last)) = ((x0..x1).find(touches), (x0..x1).rfind(touches))
+                {
+                    touched_rows += 1;
+                    assert!(
+                        span.len() <= (last - first + 5) as usize,
+                        "{splat:?} row {y}: {span:?}"
+                    );
+                }
+            }
+        }
+        assert!(touched_rows > 10_000 && rows < 4 * touched_rows);
+    }
 }

@@ -12,7 +12,9 @@
 use core::ops::Range;
 
 use dermis_runtime::project::Splat;
-use dermis_runtime::raster::{GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha};
+use dermis_runtime::raster::{
+    GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha, row_span,
+};
 use dermis_runtime::tiles::{Pair, TILE, TileGrid};
 use rayon::prelude::*;
 
@@ -90,15 +92,16 @@ fn by_pairs(
         let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
         let (x0, x1) = (x0.max(columns.start), x1.min(columns.end));
         for y in y0.max(rows.start)..y1.min(rows.end) {
-            let start = ((y - rows.start) * TILE) as usize;
+            let dy = y as f32 + 0.5 - splat.mean[1];
+            let span = row_span(splat, dy, x0..x1);
+            let start = ((y - rows.start) * TILE + span.start - columns.start) as usize;
             let frame_row = y as usize * width;
-            for x in x0..x1 {
-                let pixel = &mut pixels[start + (x - columns.start) as usize];
+            for (x, pixel) in span.clone().zip(&mut pixels[start..start + span.len()]) {
                 if pixel[3] < LEAST_TRANSMITTANCE {
                     continue;
                 }
                 let at = frame_row + x as usize;
-                let d = [x as f32 + 0.5 - splat.mean[0], y as f32 + 0.5 - splat.mean[1]];
+                let d = [x as f32 + 0.5 - splat.mean[0], dy];
                 by_blend(splat, d, pixel, forward.picture.rgb[at], by_pixels[at], &mut sum);
             }
         }
