@@ -39,8 +39,8 @@ fn main() -> Result<()> {
 fn in_front_of(avatar: &Avatar<'_>) -> Camera {
     let (min, max) = (avatar.header().box_min, avatar.header().box_max);
     let center: [f32; 3] = std::array::from_fn(|i| (min[i] + max[i]) / 2.0);
-    let extent = (0..3).map(|i| max[i] - min[i]).fold(0.0, f32::max);
-    let distance = 1.4 * extent;
+    let diagonal = (0..3).map(|i| (max[i] - min[i]).powi(2)).sum::<f32>().sqrt();
+    let distance = diagonal / 2.0 / 25f32.to_radians().sin();
     let focal = HEIGHT as f32 / 2.0 / 25f32.to_radians().tan();
     Camera {
         width: WIDTH,

@@ -20,7 +20,21 @@ pub enum Error {
         /// Bytes that were lent.
         lent: usize,
     },
-    /// A clip, or a slice of joints, weights or vertices, does not fit the avatar.
+    /// The framebuffer's rows are nearer to each other than they are long.
+    Stride {
+        /// Bytes of a row.
+        needed: usize,
+        /// Bytes from row to row.
+        given: usize,
+    },
+    /// The avatar has no clip of this index.
+    Clip {
+        /// How many it has.
+        clips: usize,
+        /// The index.
+        index: usize,
+    },
+    /// A slice of joints, weights or vertices does not fit the avatar.
     Pose {
         /// What does not fit.
         what: &'static str,
@@ -53,6 +67,16 @@ impl fmt::Display for Error {
                 "framebuffer: {lent} bytes were lent but its size and stride need {needed}; lend {} more",
                 needed.saturating_sub(lent)
             ),
+            Self::Stride { needed, given } => write!(
+                f,
+                "framebuffer: its stride is {given} bytes but a row has {needed}; give a stride of at least that"
+            ),
+            Self::Clip { clips, index } => {
+                write!(
+                    f,
+                    "pose: there is no clip {index}, the avatar has {clips}; count them from 0"
+                )
+            }
             Self::Pose { what, expected, found } => {
                 write!(
                     f,

@@ -96,6 +96,13 @@ impl<R: Real> Frame<R> {
         }
     }
 
+    /// Whether what stands on the triangle can be seen from `eye`: its front looks there, or its
+    /// back is shown, too.
+    #[inline]
+    pub fn shows(&self, kind: FrameKind, two_sided: bool, eye: [R; 3]) -> bool {
+        two_sided || self.faces(kind, eye)
+    }
+
     /// Whether the triangle's front looks at `eye`.
     #[inline]
     pub fn faces(&self, kind: FrameKind, eye: [R; 3]) -> bool {

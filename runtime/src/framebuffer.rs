@@ -34,8 +34,10 @@ impl Framebuffer<'_> {
         }
         let row = (width as usize).saturating_mul(4);
         let needed = self.stride.saturating_mul(rows - 1).saturating_add(row);
-        if self.stride < row || self.pixels.len() < needed {
-            let needed = needed.max(row.saturating_mul(rows));
+        if self.stride < row {
+            return Err(Error::Stride { needed: row, given: self.stride });
+        }
+        if self.pixels.len() < needed {
             return Err(Error::Framebuffer { needed, lent: self.pixels.len() });
         }
         Ok(())

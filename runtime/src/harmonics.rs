@@ -18,7 +18,12 @@ pub fn color<R: Real>(constant: [f32; 3], harmonics: Harmonics<'_>, direction: [
             *channel = *channel + R::of(f32::from(code)) * step * weight;
         }
     }
-    sum.map(|channel| channel.at_least(R::ZERO))
+    not_below_zero(sum)
+}
+
+/// max(0, colour): what no direction may go below.
+pub fn not_below_zero<R: Real>(color: [R; 3]) -> [R; 3] {
+    color.map(|channel| channel.at_least(R::ZERO))
 }
 
 /// The 15 basis functions of degrees 1 to 3.

@@ -80,7 +80,8 @@ impl Plan {
         }
     }
 
-    /// Gaussians of all regions.
+    /// Gaussians of all regions. Those whose opacity at the plan's level is under 0.005 are counted
+    /// though they are not drawn: a prefix is known by its length alone.
     pub fn gaussians(&self) -> u32 {
         self.regions.iter().map(|region| region.count).sum()
     }

@@ -1,7 +1,7 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
 use bytemuck::{Pod, Zeroable};
-use dermis_format::{Avatar, FrameKind};
+use dermis_format::Avatar;
 
 use crate::error::Error;
 use crate::frame::Frame;
@@ -26,11 +26,15 @@ impl<'s, 'a> Posed<'s, 'a> {
     /// Words of scratch that posing this avatar takes.
     pub fn scratch_len(avatar: &Avatar<'_>) -> usize {
         let header = avatar.header();
-        words::<Affine>(usize::from(header.joints))
+        // The first three together stay under 2²², whatever their 16 bits say.
+        let moving = words::<Affine>(usize::from(header.joints))
             + words::<Affine>(usize::from(header.binds))
-            + words::<f32>(usize::from(header.morph_targets))
-            + words::<[f32; 3]>(header.vertices as usize)
-            + words::<StoredFrame>(header.triangles as usize)
+            + words::<f32>(usize::from(header.morph_targets));
+        moving.saturating_add(words::<[f32; 3]>(header.vertices as usize)).saturating_add(words::<
+            StoredFrame,
+        >(
+            header.triangles as usize,
+        ))
     }
 
     /// Skins the vertices (morph targets, then linear blend skinning) and frames the triangles.
@@ -82,11 +86,8 @@ impl<'s, 'a> Posed<'s, 'a> {
     /// Whether what stands on a triangle can be seen from `eye`: its front faces it, or its back is shown, too.
     #[inline]
     pub fn shows(&self, triangle: u32, frame: &Frame<f32>, eye: [f32; 3]) -> bool {
-        frame.faces(self.kind(), eye) || self.avatar.is_two_sided(triangle as usize)
-    }
-
-    fn kind(&self) -> FrameKind {
-        self.avatar.header().frame
+        let two_sided = self.avatar.is_two_sided(triangle as usize);
+        frame.shows(self.avatar.header().frame, two_sided, eye)
     }
 }
 

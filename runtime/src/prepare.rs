@@ -1,6 +1,6 @@
 //! A frame before its pixels: the splats of a plan, and how many each tile will draw.
 
-use dermis_format::{Avatar, FrameKind, LowPass};
+use dermis_format::{Avatar, LowPass};
 
 use crate::camera::Camera;
 use crate::error::Error;
@@ -103,12 +103,11 @@ pub fn for_each_visible<'a>(
     eye: [f32; 3],
     mut visit: impl FnMut(&Selected<'a>, &Frame<f32>),
 ) {
-    let mesh = posed.avatar().header().frame != FrameKind::World;
     let mut last = None;
     let mut frame = Some(Frame::world());
     select::for_each(posed.avatar(), plan, |selected| {
         // Gaussians of a block stand by triangle, so a frame is looked up once for a run of them.
-        if let Some(triangle) = selected.triangle.filter(|_| mesh && last != selected.triangle) {
+        if let Some(triangle) = selected.triangle.filter(|_| last != selected.triangle) {
             last = Some(triangle);
             frame = posed.frame(triangle).filter(|frame| posed.shows(triangle, frame, eye));
         }
@@ -137,7 +136,7 @@ impl SplatCamera {
     pub fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
         match &selected.gaussian {
             Local::Disc(disc) => {
-                let color = disc.color.map(|c| if c > 0.0 { c } else { 0.0 });
+                let color = harmonics::not_below_zero(disc.color);
                 let ellipsoid = disc_on(frame, disc.position, disc.angle, disc.log2_scale);
                 self.pack(&ellipsoid, disc.opacity, color)
             }
@@ -171,7 +170,7 @@ fn view_color(
     eye: [f32; 3],
 ) -> [f32; 3] {
     if harmonics.codes.is_empty() {
-        return constant.map(|c| if c > 0.0 { c } else { 0.0 });
+        return harmonics::not_below_zero(constant);
     }
     let ray = sub(center, eye);
     let length = libm::sqrtf(dot(ray, ray));

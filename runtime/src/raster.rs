@@ -32,7 +32,7 @@ pub fn alpha(log2_alpha: f32) -> Option<f32> {
     if !(log2_alpha >= LEAST_LOG2_ALPHA) {
         return None;
     }
-    let alpha = exp2_of_alpha(if log2_alpha < 0.0 { log2_alpha } else { 0.0 });
+    let alpha = exp2_of_alpha(log2_alpha);
     Some(if alpha < GREATEST_ALPHA { alpha } else { GREATEST_ALPHA })
 }
 
@@ -75,6 +75,10 @@ pub fn draw_tile(
         let Some(splat) = splats.get(pair.splat as usize) else { continue };
         let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
         let (x0, x1) = (x0.max(columns.start), x1.min(columns.end));
+        if x0 >= x1 {
+            // A list may hold what misses the tile: it costs nothing.
+            continue;
+        }
         for y in y0.max(rows.start)..y1.min(rows.end) {
             let dy = y as f32 + 0.5 - splat.mean[1];
             let span = row_span(splat, dy, x0..x1);

@@ -3,7 +3,7 @@
 use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_tests::compare::to_reference;
 use dermis_tests::small::{options, trained_demo};
-use dermis_trainer::draw::orbit;
+use dermis_trainer::orbit::Orbit;
 
 /// Whole in the frame, so near that it fills it and is cut by the near plane, and a few pixels high.
 const DISTANCES: [Option<f32>; 4] = [None, Some(0.7), Some(0.12), Some(40.0)];
@@ -19,8 +19,8 @@ fn runtime_is_within_one_step_of_the_reference() {
         let pose = clip.map_or(Pose::Rest, |clip| Pose::Clip { clip, seconds: 0.6 });
         for distance in DISTANCES {
             let yaw = 70.0 * index as f32 - 25.0;
-            let camera =
-                orbit(&avatar, &pose, yaw, 12.0, distance, 150, 131).expect("it has a box");
+            let camera = Orbit { yaw, pitch: 12.0, distance }.camera(&avatar, &pose, 150, 131);
+            let camera = camera.expect("it has a box");
             for budget in [u32::MAX, 700, 60, 1] {
                 let plan = Plan::with_budget(&avatar, budget);
                 let off = to_reference(&avatar, &pose, &plan, &camera);

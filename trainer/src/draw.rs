@@ -7,10 +7,7 @@ use dermis_runtime::{
     Avatar, Background, Camera, Framebuffer, Plan, Pose, Posed, Prepared, Statistics, render,
     scratch_len,
 };
-use glam::Vec3;
 use serde::Serialize;
-
-use crate::scene::{Bounds, RigScale, camera_towards};
 
 /// A frame that the runtime drew.
 #[derive(Clone, Debug)]
@@ -22,9 +19,6 @@ pub struct Drawn {
     /// Bytes of scratch that were lent.
     pub scratch_bytes: usize,
 }
-
-/// From so many times its longest edge an upright box is seen whole, 50° high.
-const FITTING_DISTANCE: f32 = 1.3;
 
 /// Time of each stage of a frame, on one thread.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -94,30 +88,6 @@ pub fn draw_timed(
     let scratch_bytes = 4 * scratch_len(avatar, budget, width, height);
     let ms = Milliseconds { pose: pose_time, select, project, sort, raster, total };
     Ok((Drawn { rgba, statistics, scratch_bytes }, plan, ms))
-}
-
-/// A camera around the avatar: `yaw` degrees to its left, `pitch` degrees above the horizon, at
-/// `distance` metres from the middle of its posed box (by default so that all of it is seen).
-pub fn orbit(
-    avatar: &Avatar<'_>,
-    pose: &Pose<'_>,
-    yaw: f32,
-    pitch: f32,
-    distance: Option<f32>,
-    width: u32,
-    height: u32,
-) -> Result<Camera> {
-    let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    let posed = Posed::new(avatar, pose, &mut scratch)?;
-    let vertices: Vec<Vec3> = posed.vertices().iter().copied().map(Vec3::from).collect();
-    let corners = [avatar.header().box_min, avatar.header().box_max].map(Vec3::from);
-    let bounds = Bounds::of(if vertices.is_empty() { &corners } else { &vertices });
-    let extent = bounds.largest_extent();
-    let vertical_fov = RigScale::of_extent(extent).vertical_fov;
-    let (yaw, pitch) = (yaw.to_radians(), pitch.to_radians());
-    let direction = Vec3::new(yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos());
-    let distance = distance.unwrap_or(FITTING_DISTANCE * extent);
-    Ok(camera_towards(bounds.center(), direction, distance, vertical_fov, width, height))
 }
 
 fn framebuffer(rgba: &mut [u8], width: u32, background: [f32; 3]) -> Framebuffer<'_> {

@@ -8,11 +8,12 @@
 //! 3. [`embed`] puts Gaussians on the triangles, coarse to fine.
 //! 4. [`optimize`] draws them with the runtime's own stages and descends the gradient.
 //! 5. [`package`] encodes mesh, rig and Gaussians; [`describe`] lists what a file holds.
-//! 6. [`draw`] draws a file as its users will; [`eval`] and [`metrics`] compare with the mesh, and
+//! 6. [`draw`] draws a file as its users will, [`orbit`] places a camera; [`eval`] and [`metrics`] compare with the mesh, and
 //!    with a reference renderer in f64; [`page`] shows it.
 //!
 //! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
-//! options and seed give the same bytes, whatever the number of threads. The command line stands
+//! options and seed give the same bytes on one platform, whatever the number of threads (the truth is
+//! rendered with the platform's own powers and sines). The command line stands
 //! in `main.rs` and `commands/`, which only read arguments and print.
 
 pub mod camera_file;
@@ -26,6 +27,7 @@ pub mod metrics;
 pub mod model;
 pub mod optimize;
 pub mod options;
+pub mod orbit;
 pub mod output;
 pub mod package;
 pub mod page;

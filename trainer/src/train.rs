@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 use dermis_format::source::{Mathematics, Source};
-use dermis_format::{Avatar, LowPass, ScaleLaw};
+use dermis_format::{Avatar, ScaleLaw};
 use dermis_runtime::{Pose, Posed};
 use rayon::prelude::*;
 
@@ -47,19 +47,24 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let mut source = package::rigged_mesh(model);
     source.key_frames = package::key_frames(&key_frames);
     let (views, seen) = observe(&painter, &key_frames, options);
+    ensure!(
+        views.iter().any(|view| view.truth.rect.pixels() > 0),
+        "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
+    );
     source.mesh.two_sided = two_sided(model, &seen);
     let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, options)?;
     let cloud = match options.method {
         Method::Dermis => workshop.nested()?,
         Method::Lodavatar => workshop.hierarchical(),
     };
+    let steps = workshop.steps;
     let scale_law = match options.method {
         Method::Dermis => ScaleLaw::SquareRoot,
         Method::Lodavatar => ScaleLaw::Constant,
     };
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };
     let source = package::with_gaussians(source, &cloud, mathematics);
-    Ok(Trained { bytes: package::encode(&source)?, cloud, steps: options.steps })
+    Ok(Trained { bytes: package::encode(&source)?, cloud, steps })
 }
 
 /// The poses to train on.
@@ -110,6 +115,7 @@ struct Workshop<'a> {
     stages: Vec<Stage>,
     views: Vec<TrainingView>,
     random: Random,
+    steps: u32,
 }
 
 impl<'a> Workshop<'a> {
@@ -137,7 +143,7 @@ impl<'a> Workshop<'a> {
         let weights =
             seen.iter().map(|count| if is_seen(count) { 1.0 } else { UNSEEN_WEIGHT }).collect();
         let random = Random::new(options.seed);
-        Ok(Self { painter, options, corners, surface, weights, stages, views, random })
+        Ok(Self { painter, options, corners, surface, weights, stages, views, random, steps: 0 })
     }
 
     /// Even placement in one nested order.
@@ -169,7 +175,7 @@ impl<'a> Workshop<'a> {
             Hierarchy::base(&self.surface, self.painter, &self.corners, vertices);
         let mut cloud = Cloud::arrange(hierarchy.layers(), &seeds);
         let mut schedule = self.options.schedule();
-        schedule.steps /= self.options.levels;
+        schedule.steps /= self.options.levels.max(1);
         self.descend(&mut cloud, &schedule);
         for _ in 1..self.options.levels {
             let seeds = hierarchy.refine(&self.surface, self.painter, &cloud);
@@ -184,7 +190,7 @@ impl<'a> Workshop<'a> {
             stages: &self.stages,
             views: &self.views,
             background: self.options.background,
-            low_pass: LowPass::Compensated,
+            low_pass: Mathematics::default().low_pass,
             loss: self.options.loss,
         };
         let bar = progress::bar("training", u64::from(schedule.steps));
@@ -196,6 +202,7 @@ impl<'a> Workshop<'a> {
             bar.set_position(u64::from(progress.step));
         });
         bar.finish_and_clear();
+        self.steps += schedule.steps;
     }
 }
 

@@ -255,7 +255,7 @@ fn poses_of_other_avatars_are_errors() {
         pose("morph weights", 1, 0)
     );
     let late = Pose::Clip { clip: 1, seconds: 0.0 };
-    assert_eq!(error(&late), pose("as the index of a clip", 1, 1));
+    assert_eq!(error(&late), Error::Clip { clips: 1, index: 1 });
 }
 
 #[test]

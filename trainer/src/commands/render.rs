@@ -9,7 +9,8 @@ use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_trainer::camera_file::{self, Shot};
 use dermis_trainer::draw::{Milliseconds, draw_timed};
 use dermis_trainer::eval::reference::draw_reference;
-use dermis_trainer::{draw, output};
+use dermis_trainer::orbit::Orbit;
+use dermis_trainer::output;
 use serde::Serialize;
 
 use crate::Common;
@@ -30,7 +31,7 @@ pub(crate) struct Arguments {
     /// Degrees above the horizon.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite)]
     pitch: f32,
-    /// Metres from the middle of the avatar [default: as in training].
+    /// Metres from the middle of the avatar [default: all of it is seen].
     #[arg(long, value_name = "METRES", value_parser = super::finite)]
     distance: Option<f32>,
     /// Pixels.
@@ -84,7 +85,9 @@ struct Report {
     blends: u64,
     scratch_bytes: usize,
     level: f32,
-    ms: Milliseconds,
+    /// Of the runtime; the reference is not timed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ms: Option<Milliseconds>,
     frame_crc32: u32,
 }
 
@@ -93,9 +96,10 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let (report, png) = super::with_avatar(&arguments.file, |avatar| picture(avatar, arguments))?;
     output.finish(&png)?;
     super::print(common, &report, |r| {
+        let time = r.ms.map_or(String::new(), |ms| format!(", {:.2} ms on one thread", ms.total));
         format!(
-            "{} of {} Gaussians seen, {} blends, level {:.2}, {:.2} ms on one thread\n",
-            r.gaussians_visible, r.gaussians_selected, r.blends, r.level, r.ms.total
+            "{} of {} Gaussians seen, {} blends, level {:.2}{time}\n",
+            r.gaussians_visible, r.gaussians_selected, r.blends, r.level
         )
     })
 }
@@ -121,7 +125,7 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
         blends: drawn.statistics.blends,
         scratch_bytes: drawn.scratch_bytes,
         level: plan.level(avatar),
-        ms,
+        ms: (arguments.kernel == Kernel::Scalar).then_some(ms),
         frame_crc32: crc32fast::hash(&drawn.rgba),
     };
     Ok((report, output::png(&drawn.rgba, shot.camera.width, shot.camera.height)?))
@@ -141,14 +145,7 @@ fn shot(avatar: &Avatar<'_>, pose: &Pose<'_>, arguments: &Arguments) -> Result<S
         return camera_file::read(path);
     }
     let Size(width, height) = arguments.size;
-    let camera = draw::orbit(
-        avatar,
-        pose,
-        arguments.yaw,
-        arguments.pitch,
-        arguments.distance,
-        width,
-        height,
-    )?;
+    let &Arguments { yaw, pitch, distance, .. } = arguments;
+    let camera = Orbit { yaw, pitch, distance }.camera(avatar, pose, width, height)?;
     Ok(Shot { camera, background: [1.0; 3] })
 }

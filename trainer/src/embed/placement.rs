@@ -16,10 +16,12 @@ use crate::optimize::schedule::Random;
 const DARTS: usize = 10;
 /// The density grows by √2 from radius to radius.
 const SHRINK: f32 = 0.840_896_4;
+/// No density is less than this share of the others'.
+const LEAST_WEIGHT: f32 = 0.01;
 /// Points of the coarsest radius.
 const FIRST: f32 = 16.0;
 
-/// `count` points in coarse to fine order; fewer if there is no area. `weights` is the wanted
+/// `count` points in coarse to fine order; fewer where darts run out, none without area. `weights` is the wanted
 /// density on each triangle, relative to the others; `accept` says whether a point is on the
 /// surface at all (a texture may cut it out).
 pub fn spread(
@@ -34,7 +36,7 @@ pub fn spread(
         return Vec::new();
     };
     let mut chosen: Vec<SurfacePoint> = Vec::with_capacity(count);
-    // Hexagonally packed discs of this radius cover the surface `FIRST` times over.
+    // Of squares of this side the surface holds `FIRST`; darts at that distance fill it about so.
     let mut radius = (total / FIRST).sqrt();
     let mut meant_for = FIRST;
     while chosen.len() < count && meant_for < count as f32 * 64.0 {
@@ -46,8 +48,8 @@ pub fn spread(
         let mut kept = Vec::with_capacity(darts.len());
         for (index, dart) in darts.iter().enumerate() {
             let (position, normal) = (surface.position(dart), surface.normal(dart.triangle));
-            // Where the wanted density is w the discs are 1/√w as wide.
-            let reach = radius * weights[dart.triangle as usize].max(1e-3).sqrt().recip().min(1.0);
+            // Where the wanted density is w points stand 1/√w as far apart.
+            let reach = radius / weights[dart.triangle as usize].max(LEAST_WEIGHT).sqrt();
             if index < tried && chosen.len() < count && !grid.has_near(position, normal, reach) {
                 grid.insert(position, normal);
                 chosen.push(*dart);
@@ -126,25 +128,28 @@ impl Grid {
         *head = self.points.len() as u32 - 1;
     }
 
-    /// Whether a point on the same side of the surface is nearer than `reach` ≤ cell.
+    /// Whether a point on the same side of the surface is nearer than `reach`.
     fn has_near(&self, position: Vec3, normal: Vec3, reach: f32) -> bool {
         let [x, y, z] = self.cell_of(position);
-        (-1..=1).any(|i| {
-            (-1..=1).any(|j| {
-                (-1..=1).any(|k| {
-                    let mut at =
-                        self.heads.get(&Self::key([x + i, y + j, z + k])).copied().unwrap_or(NONE);
-                    while let Some(&(other, other_normal, next)) = self.points.get(at as usize) {
-                        let near = other.distance_squared(position) < reach * reach;
-                        if near && other_normal.dot(normal) > 0.0 {
-                            return true;
-                        }
-                        at = next;
-                    }
-                    false
-                })
+        let cells = (reach / self.cell).ceil() as i32;
+        let around = || -cells..=cells;
+        around().any(|i| {
+            around().any(|j| {
+                around().any(|k| self.cell_has_near([x + i, y + j, z + k], position, normal, reach))
             })
         })
+    }
+
+    fn cell_has_near(&self, cell: [i32; 3], position: Vec3, normal: Vec3, reach: f32) -> bool {
+        let mut at = self.heads.get(&Self::key(cell)).copied().unwrap_or(NONE);
+        while let Some(&(other, other_normal, next)) = self.points.get(at as usize) {
+            let near = other.distance_squared(position) < reach * reach;
+            if near && other_normal.dot(normal) > 0.0 {
+                return true;
+            }
+            at = next;
+        }
+        false
     }
 }
 

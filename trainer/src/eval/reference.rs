@@ -93,7 +93,7 @@ fn exact_splat(
             let angle = f64::from(disc.angle);
             let ellipsoid =
                 disc_on(frame, disc.position.map(f64::from), angle, disc.log2_scale.map(f64::from));
-            let color = disc.color.map(|c| f64::from(c).at_least(0.0));
+            let color = harmonics::not_below_zero(disc.color.map(f64::from));
             packed(view, low_pass, &ellipsoid, disc.opacity, color)
         }
         Local::Full(full) => {

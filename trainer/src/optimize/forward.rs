@@ -1,12 +1,15 @@
-//! The picture of a prefix, drawn by the runtime's own stages.
+//! The picture of a prefix, drawn by the runtime's own stages: culled, projected, sorted and
+//! blended as a file is. Only the parameters are not rounded to the file's codes.
 
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::Camera;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::disc_on;
+use dermis_runtime::harmonics::not_below_zero;
 use dermis_runtime::prepare::SplatCamera;
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::raster::{CLEAR, TilePixels, draw_tile};
+use dermis_runtime::select::LEAST_OPACITY;
 use dermis_runtime::tiles::{Pair, TILE, TileGrid, count_tiles, fill_run};
 use rayon::prelude::*;
 
@@ -29,8 +32,7 @@ impl Stage {
     /// The frame of a triangle that can be seen from `eye`.
     pub fn visible(&self, triangle: u32, eye: [f32; 3]) -> Option<&Frame<f32>> {
         let frame = self.frames[triangle as usize].as_ref()?;
-        let shown = self.two_sided[triangle as usize] || frame.faces(FrameKind::Area, eye);
-        shown.then_some(frame)
+        frame.shows(FrameKind::Area, self.two_sided[triangle as usize], eye).then_some(frame)
     }
 }
 
@@ -123,9 +125,10 @@ fn splat(
 ) -> Option<Splat> {
     let frame = stage.visible(cloud.gaussians[i].triangle, screen.view.eye)?;
     let p = &cloud.gaussians[i].parameters;
+    let opacity = Some(p.opacity()).filter(|&opacity| opacity >= LEAST_OPACITY)?;
     let ellipsoid =
         disc_on(frame, p.position, p.angle, p.log2_scale.map(|s| s + prefix.log2_scale));
-    screen.pack(&ellipsoid, p.opacity(), p.color.map(|c| c.max(0.0)))
+    screen.pack(&ellipsoid, opacity, not_below_zero(p.color))
 }
 
 fn draw_band(
