@@ -5,6 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::Camera;
 use dermis_runtime::prepare::MAX_SIZE;
+use glam::Mat3;
 use serde::Deserialize;
 
 use crate::output;
@@ -43,17 +44,36 @@ pub fn read(path: &Path) -> Result<Shot> {
     let name = path.display();
     let file: CameraFile = serde_json::from_slice(&output::read(path)?)
         .with_context(|| format!("{name}: is not a camera file; see README for its fields"))?;
-    let rows = match file.world_to_camera {
-        Matrix::Flat(m) => [0, 1, 2].map(|i| [m[4 * i], m[4 * i + 1], m[4 * i + 2], m[4 * i + 3]]),
-        Matrix::Rows([a, b, c, _]) => [a, b, c],
+    let [a, b, c, last] = match file.world_to_camera {
+        Matrix::Flat(m) => [0, 4, 8, 12].map(|i| [m[i], m[i + 1], m[i + 2], m[i + 3]]),
+        Matrix::Rows(rows) => rows,
     };
+    let world_to_camera = [a, b, c];
     let CameraFile { width, height, fx, fy, cx, cy, .. } = file;
     let sized = (1..=MAX_SIZE).contains(&width) && (1..=MAX_SIZE).contains(&height);
     ensure!(
         sized,
         "{name}: {width}×{height} pixels cannot be drawn; choose 1 to {MAX_SIZE} each way"
     );
+    let background = file.background.unwrap_or([1.0; 3]);
+    let numbers = [[fx, fy, cx, cy].as_slice(), &background, &a, &b, &c, &last].concat();
+    ensure!(
+        numbers.iter().all(|number| number.is_finite()),
+        "{name}: has a number that is not finite or too great; write the camera again"
+    );
     ensure!(fx > 0.0 && fy > 0.0, "{name}: its focal lengths are not above 0; give them in pixels");
-    let camera = Camera { width, height, fx, fy, cx, cy, world_to_camera: rows };
-    Ok(Shot { camera, background: file.background.unwrap_or([1.0; 3]) })
+    ensure!(
+        is_rigid(&world_to_camera) && last == [0.0, 0.0, 0.0, 1.0],
+        "{name}: its world_to_camera is no rotation and translation; give its rows, unscaled"
+    );
+    let camera = Camera { width, height, fx, fy, cx, cy, world_to_camera };
+    Ok(Shot { camera, background })
+}
+
+/// Whether the left part of a matrix is a rotation: R Rᵀ = I, and not mirrored.
+fn is_rigid(rows: &[[f32; 4]; 3]) -> bool {
+    // Of the rows as columns: the transpose's product and determinant are alike for the test.
+    let turned = Mat3::from_cols_array_2d(&rows.map(|[x, y, z, _]| [x, y, z]));
+    let off = turned.transpose() * turned - Mat3::IDENTITY;
+    off.to_cols_array().iter().all(|x| x.abs() <= 1e-3) && turned.determinant() > 0.0
 }

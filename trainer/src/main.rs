@@ -4,6 +4,7 @@ mod commands;
 
 use std::process::ExitCode;
 
+use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 
 /// Turns rigged meshes into layered Gaussian avatars, draws and measures them.
@@ -23,8 +24,8 @@ pub(crate) struct Common {
     #[arg(long, global = true)]
     json: bool,
     /// Worker threads; 0: one for each core.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    threads: usize,
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: u16,
     /// Seed of everything random.
     #[arg(long, global = true, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -46,21 +47,26 @@ enum Command {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Fails only if a pool was built before, and there was none.
-    let _ = rayon::ThreadPoolBuilder::new().num_threads(cli.common.threads).build_global();
-    let done = match cli.command {
-        Command::Demo(arguments) => commands::demo::run(&arguments, &cli.common),
-        Command::Train(arguments) => commands::train::run(&arguments, &cli.common),
-        Command::Info(arguments) => commands::info::run(&arguments, &cli.common),
-        Command::Render(arguments) => commands::render::run(&arguments, &cli.common),
-        Command::Eval(arguments) => commands::eval::run(&arguments, &cli.common),
-    };
-    match done {
+    match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("dermis: {}", one_line(&format!("{error:#}")));
             ExitCode::FAILURE
         }
+    }
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(usize::from(cli.common.threads))
+        .build_global()
+        .context("the worker threads cannot be started; choose fewer with --threads")?;
+    match &cli.command {
+        Command::Demo(arguments) => commands::demo::run(arguments, &cli.common),
+        Command::Train(arguments) => commands::train::run(arguments, &cli.common),
+        Command::Info(arguments) => commands::info::run(arguments, &cli.common),
+        Command::Render(arguments) => commands::render::run(arguments, &cli.common),
+        Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),
     }
 }
 

@@ -12,7 +12,7 @@ use crate::optimize::cloud::Cloud;
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
 /// Clips are resampled at this rate, keys per second.
-const KEYS_PER_SECOND: f32 = 30.0;
+pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
 /// The mesh, rig and clips of `model`, without Gaussians.
 pub fn rigged_mesh(model: &Model) -> Source {
@@ -95,12 +95,15 @@ fn wxyz(q: Quat) -> [f32; 4] {
 fn resampled(model: &Model, index: usize) -> Clip {
     let clip = &model.clips[index];
     let last = (clip.seconds * KEYS_PER_SECOND).ceil().max(1.0) as usize;
-    let poses: Vec<Pose> = (0..=last)
-        .map(|key| Pose::of_clip(model, index, clip.seconds * key as f32 / last as f32))
-        .collect();
-    let channels = clip.channels.iter().map(|channel| {
-        let mut values: Vec<f32> =
-            poses.iter().flat_map(|pose| value(pose, channel.target)).collect();
+    // Pose by pose: all poses of a long clip at once are more than what its channels keep of them.
+    let mut sampled: Vec<Vec<f32>> = vec![Vec::new(); clip.channels.len()];
+    for key in 0..=last {
+        let pose = Pose::of_clip(model, index, clip.seconds * key as f32 / last as f32);
+        for (values, channel) in sampled.iter_mut().zip(&clip.channels) {
+            values.extend(value(&pose, channel.target));
+        }
+    }
+    let channels = clip.channels.iter().zip(sampled).map(|(channel, mut values)| {
         let property = property(channel.target);
         let width = property.width();
         if matches!(property, Property::Rotation(_)) {

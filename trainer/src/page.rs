@@ -69,27 +69,20 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn split_name(split: Split) -> &'static str {
-    match split {
-        Split::NovelView => "novel view",
-        Split::Reenactment => "reenactment",
-    }
-}
-
 fn table(evaluation: &Evaluation) -> String {
-    let mut out = format!(
-        "<p>Means over {} pictures of each split.</p><table><tr><th>split<th>level<th>Gaussians<th>bytes\
+    let mut out = String::from(
+        "<p>Means over so many views:</p><table><tr><th>split<th>level<th>Gaussians<th>bytes<th>views\
          <th>PSNR dB<th>foreground dB<th>SSIM<th>FLIP</tr>",
-        evaluation.views
     );
     for row in &evaluation.rows {
         let _ = write!(
             out,
-            "<tr><td>{}<td>{:.2}<td>{}<td>{}<td>{:.2}<td>{:.2}<td>{:.4}<td>{:.4}</tr>",
-            split_name(row.split),
+            "<tr><td>{}<td>{:.2}<td>{}<td>{}<td>{}<td>{:.2}<td>{:.2}<td>{:.4}<td>{:.4}</tr>",
+            row.split.name(),
             row.level,
             row.gaussians,
             row.bytes,
+            row.views,
             row.psnr_db,
             row.psnr_foreground_db,
             row.ssim,
@@ -164,7 +157,7 @@ fn plot(rows: &[Row]) -> String {
             "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\" fill=\"{color}\">{}</text>",
             WIDTH - 4.0,
             y(last.psnr_foreground_db) + 2.6 * dy,
-            split_name(split)
+            split.name()
         );
     }
     let mut counts: Vec<u32> = rows.iter().map(|row| row.gaussians).collect();

@@ -6,11 +6,13 @@ use dermis_trainer::model::Model;
 use glam::{Affine3A, Vec3};
 use std::path::{Path, PathBuf};
 
-/// The shared data, or `None` where it is absent.
+/// The shared data, or `None` where it is absent; under CI, where it should be there, that fails.
 fn data() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     let folder = std::env::var_os("DERMIS_DATA").map_or(beside, PathBuf::from);
     if !folder.is_dir() {
+        let under_ci = std::env::var_os("CI").is_some();
+        assert!(!under_ci, "no test data at {}; set DERMIS_DATA", folder.display());
         eprintln!("SKIPPED: no test data at {}; set DERMIS_DATA", folder.display());
         return None;
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use dermis_trainer::eval::{EvalOptions, Evaluation, Split, evaluate};
+use dermis_trainer::eval::{EvalOptions, Evaluation, evaluate};
 use dermis_trainer::import;
 
 use crate::Common;
@@ -45,20 +45,19 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 }
 
 pub(crate) fn text(evaluation: &Evaluation) -> String {
-    let mut out = format!("means over {} pictures of each split\n", evaluation.views);
-    out.push_str("split         level  gaussians     bytes    psnr  foreground    ssim    flip\n");
+    let mut out = String::from(
+        "split         level  gaussians     bytes  views    psnr  foreground    ssim    flip\n",
+    );
     for row in &evaluation.rows {
-        let split = match row.split {
-            Split::NovelView => "novel view",
-            Split::Reenactment => "reenactment",
-        };
         // Writing to a string does not fail.
         let _ = writeln!(
             out,
-            "{split:12} {:6.2} {:10} {:9} {:7.2} {:11.2} {:7.4} {:7.4}",
+            "{:12} {:6.2} {:10} {:9} {:6} {:7.2} {:11.2} {:7.4} {:7.4}",
+            row.split.name(),
             row.level,
             row.gaussians,
             row.bytes,
+            row.views,
             row.psnr_db,
             row.psnr_foreground_db,
             row.ssim,

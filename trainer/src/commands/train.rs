@@ -3,14 +3,19 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
+use dermis_trainer::embed::hierarchy::gaussians_at_level;
+use dermis_trainer::model::Model;
 use dermis_trainer::options::{Method, Options, Preset};
 use dermis_trainer::{import, output, train};
 use serde::Serialize;
 
 use crate::Common;
+
+/// More than this are no avatar, and would not fit into memory while they are trained.
+const MAX_GAUSSIANS: u32 = 16_000_000;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
@@ -26,7 +31,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value_t = Method::Dermis)]
     method: Method,
     /// Gaussians wanted [default: 75000].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_GAUSSIANS)))]
     gaussians: Option<u32>,
     /// Layers [default: 4; lodavatar: 2].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
@@ -59,6 +64,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let options = options(arguments, common);
     let output = output::Output::create(&arguments.output)?;
     let model = import::load(&arguments.mesh)?;
+    check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
     let trained =
         train::train(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
     output.finish(&trained.bytes)?;
@@ -72,6 +78,21 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             super::info::text(&report.info)
         )
     })
+}
+
+/// LoDAvatar's count follows from the mesh, and grows by 4 with each level.
+fn check_count(model: &Model, options: &Options) -> Result<()> {
+    if options.method == Method::Lodavatar {
+        let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
+        let levels = options.levels;
+        let count = gaussians_at_level(vertices, triangles, levels.max(1) - 1);
+        ensure!(
+            count <= u64::from(MAX_GAUSSIANS),
+            "would have {count} Gaussians in {levels} levels, more than {MAX_GAUSSIANS}; \
+             choose fewer --levels"
+        );
+    }
+    Ok(())
 }
 
 fn options(arguments: &Arguments, common: &Common) -> Options {

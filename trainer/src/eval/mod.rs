@@ -45,6 +45,16 @@ pub enum Split {
     Reenactment,
 }
 
+impl Split {
+    /// For people to read.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NovelView => "novel view",
+            Self::Reenactment => "reenactment",
+        }
+    }
+}
+
 /// Quality at one count of Gaussians.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
@@ -58,6 +68,8 @@ pub struct Row {
     pub gaussians: u32,
     /// Bytes of the file that such a picture needs.
     pub bytes: usize,
+    /// Pictures that the figures are means of; splits may differ in it.
+    pub views: u32,
     /// Over the whole frame.
     pub psnr_db: f64,
     /// Over the pixels that the mesh covers at all.
@@ -71,7 +83,7 @@ pub struct Row {
 /// All rows.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
-    /// Pictures that each row is the mean of, per split.
+    /// Pictures of the novel-view split; each row has its own number.
     pub views: usize,
     /// By split, then by count.
     pub rows: Vec<Row>,
@@ -79,13 +91,7 @@ pub struct Evaluation {
 
 /// Measures `avatar` against `model`.
 pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Result<Evaluation> {
-    let header = avatar.header();
-    ensure!(
-        header.triangles as usize == model.triangles.len(),
-        "the avatar has {} triangles and the mesh has {}; give the mesh that it was trained on",
-        header.triangles,
-        model.triangles.len()
-    );
+    check_same(avatar, model)?;
     let plans = plans(avatar, &options.budgets);
     let painter = Painter::new(model);
     let trained = trained_key_frames(avatar);
@@ -103,6 +109,33 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
         rows.extend(plans.iter().zip(sums).map(|(plan, sum)| plan.row(avatar, split, &sum)));
     }
     Ok(Evaluation { views: novel.len() * directions(Split::NovelView, options).len(), rows })
+}
+
+/// Refuses a mesh that the avatar was not trained on, as far as what is measured needs it: key
+/// frames name clips by their place.
+fn check_same(avatar: &Avatar<'_>, model: &Model) -> Result<()> {
+    const REMEDY: &str = "give the mesh that it was trained on";
+    let triangles = avatar.header().triangles as usize;
+    ensure!(
+        triangles == model.triangles.len(),
+        "the avatar has {triangles} triangles and the mesh has {}; {REMEDY}",
+        model.triangles.len()
+    );
+    let clips = usize::from(avatar.header().clips);
+    ensure!(
+        clips == model.clips.len(),
+        "the avatar has {clips} clips and the mesh has {}; {REMEDY}",
+        model.clips.len()
+    );
+    for (index, (of_avatar, of_mesh)) in avatar.clips().zip(&model.clips).enumerate() {
+        ensure!(
+            of_avatar.name == of_mesh.name,
+            "clip {index} of the avatar is {:?} and that of the mesh is {:?}; {REMEDY}",
+            of_avatar.name,
+            of_mesh.name
+        );
+    }
+    Ok(())
 }
 
 /// The key frames that the file says it was trained on; its rest pose if it says none.
@@ -150,6 +183,7 @@ impl Measured {
             budget: self.budget,
             gaussians: self.plan.gaussians(),
             bytes: bytes_of(avatar, &self.plan),
+            views: sum.pictures,
             psnr_db: mean(sum.psnr),
             psnr_foreground_db: sum.foreground / f64::from(sum.covered.max(1)),
             ssim: mean(sum.ssim),

@@ -35,6 +35,9 @@ const MAX_TRIANGLES: usize = 2 * MAX_VERTICES;
 /// Greatest number of displacements of all morph targets, and of numbers in all key frames.
 const MAX_NUMBERS: usize = 1 << 26;
 
+/// Greatest number of texels of all textures: 16 of 4096 × 4096, or 1 GiB.
+const MAX_TEXELS: usize = 1 << 28;
+
 /// Reads a GLB, glTF or OBJ file with all that it refers to.
 ///
 /// # Errors
@@ -87,6 +90,11 @@ fn check(model: &Model) -> Result<()> {
 /// Adds `more` to a running total, unless it passes a limit of this module.
 fn add_within(total: &mut usize, more: usize, limit: usize, what: &str) -> Result<()> {
     *total = total.saturating_add(more);
-    ensure!(*total <= limit, "has more than {limit} {what}; simplify it first");
+    check_within(*total, limit, what)
+}
+
+/// Refuses a total beyond a limit of this module.
+fn check_within(total: usize, limit: usize, what: &str) -> Result<()> {
+    ensure!(total <= limit, "has more than {limit} {what}; simplify it first");
     Ok(())
 }

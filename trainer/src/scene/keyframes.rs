@@ -121,8 +121,7 @@ fn most_different(model: &Model, clips: &[usize], count: usize) -> Vec<KeyFrame>
 
 /// Every moment of `clips` that may be chosen.
 fn candidates(model: &Model, clips: &[usize]) -> Vec<KeyFrame> {
-    let mut all = Vec::new();
-    for &clip in clips {
+    let grids = clips.iter().map(|&clip| {
         let first = model.clips[clip]
             .channels
             .iter()
@@ -131,14 +130,25 @@ fn candidates(model: &Model, clips: &[usize]) -> Vec<KeyFrame> {
         let last = model.clips[clip].seconds;
         // A clip without channels, or with one key, has one moment.
         let start = if first < last { first.max(0.0) } else { last };
-        let steps = ((last - start) * CANDIDATES_PER_SECOND).floor() as usize;
-        all.extend((0..=steps).map(|step| KeyFrame {
+        // Capped, so that lengths beyond reason can still be added up.
+        let steps = ((last - start) * CANDIDATES_PER_SECOND).floor().min(1e15) as usize;
+        (clip, start, steps + 1)
+    });
+    let grids: Vec<(usize, f32, usize)> = grids.collect();
+    let all = grids.iter().map(|&(_, _, moments)| moments).fold(0, usize::saturating_add);
+    let stride = all.div_ceil(MAX_CANDIDATES).max(1);
+    let mut kept = Vec::new();
+    // Moments from the clip's first to the next that is kept.
+    let mut next = 0;
+    for (clip, start, moments) in grids {
+        kept.extend((next..moments).step_by(stride).map(|step| KeyFrame {
             clip: Some(clip),
             seconds: start + step as f32 / CANDIDATES_PER_SECOND,
         }));
+        let passed = moments.saturating_sub(next).div_ceil(stride) * stride;
+        next = next + passed - moments;
     }
-    let stride = all.len().div_ceil(MAX_CANDIDATES).max(1);
-    all.into_iter().step_by(stride).collect()
+    kept
 }
 
 /// The model with few of its vertices and nothing to draw, for posing many times.

@@ -6,6 +6,7 @@ use super::accessor::Accessor;
 use super::document::{Document, item};
 use super::nodes::unit;
 use crate::model::{Channel, ChannelTarget, Clip, Interpolation};
+use crate::package::KEYS_PER_SECOND;
 use anyhow::{Context, Result, ensure};
 use glam::Quat;
 use gltf::json::animation::{self, Animation, Property};
@@ -20,16 +21,28 @@ pub(super) fn read(
 ) -> Result<Vec<Clip>> {
     let mut reader = Reader { document, joints, morphs, numbers: 0 };
     let mut clips = Vec::new();
+    // What a key of a resampled clip costs at most, beside its channels.
+    let moved = joints.iter().flatten().count() + morphs.iter().map(|m| m.count).sum::<usize>();
+    let mut resampled = 0;
     for (index, json) in document.root.animations.iter().enumerate() {
         let channels = reader.clip(json).with_context(|| format!("animation {index}"))?;
         if !channels.is_empty() {
             let name = json.name.clone().filter(|name| !name.is_empty());
             let ends = channels.iter().filter_map(|channel| channel.times.last().copied());
-            clips.push(Clip {
-                name: name.unwrap_or_else(|| format!("clip{index}")),
-                seconds: ends.fold(0.0, f32::max),
-                channels,
-            });
+            let name = name.unwrap_or_else(|| format!("clip{index}"));
+            let seconds = ends.fold(0.0, f32::max);
+            // Clips are resampled evenly, so that a late key costs as much as many keys.
+            let keys = (seconds * KEYS_PER_SECOND) as usize;
+            let numbers = keys.saturating_mul(moved + 4 * channels.len());
+            add_within(&mut resampled, numbers, MAX_NUMBERS, "numbers in key frames")
+                .with_context(|| {
+                    let channels = channels.len();
+                    format!(
+                        "clip {name:?}: lasts {seconds} s, too long for {channels} channels at \
+                         {KEYS_PER_SECOND} keys a second; cut it"
+                    )
+                })?;
+            clips.push(Clip { name, seconds, channels });
         }
     }
     Ok(clips)

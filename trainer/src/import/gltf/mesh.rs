@@ -238,14 +238,17 @@ fn read_targets(
         let Some(positions) = target.positions else { return Ok(Vec::new()) };
         let positions = Accessor::open(document, positions.value(), &[3])?;
         let count = positions.count();
-        ensure!(count == vertices, "has {count} displacements for {vertices} vertices");
+        ensure!(
+            count == vertices,
+            "has {count} displacements for {vertices} vertices; export it again"
+        );
         // Each element that is looked at counts, so that a small file cannot cost hours.
         let dense = if positions.is_dense() { count } else { 0 };
         add_within(&mut totals.displacements, dense, MAX_NUMBERS, "morph displacements")?;
         let moved = positions.nonzero::<3>();
         add_within(&mut totals.displacements, moved.len(), MAX_NUMBERS, "morph displacements")?;
         let moved: Vec<_> = moved.into_iter().map(|(i, delta)| (i, Vec3::from(delta))).collect();
-        ensure!(moved.iter().all(|(_, delta)| delta.is_finite()), "is not finite");
+        ensure!(moved.iter().all(|(_, delta)| delta.is_finite()), "is not finite; export it again");
         Ok(moved)
     };
     let targets = primitive.targets.iter().flatten().map(read).enumerate();

@@ -84,7 +84,10 @@ impl<'a> Skeleton<'a> {
             }
         }
         for node in self.nodes.parents_first().filter(|&node| needed[node]) {
-            joints[node] = Some(u16::try_from(model.joints.len()).context("has too many joints")?);
+            joints[node] = Some(
+                u16::try_from(model.joints.len())
+                    .context("has more than 65535 joints; export fewer")?,
+            );
             model.joints.push(Joint {
                 name: self.nodes.name(node).to_owned(),
                 parent: self.nodes.parent(node).and_then(|parent| joints[parent]),
@@ -274,7 +277,8 @@ fn bind_static(model: &mut Model) -> Result<()> {
         found = true;
     }
     if found {
-        let joint = u16::try_from(model.joints.len()).context("has too many joints")?;
+        let joint = u16::try_from(model.joints.len())
+            .context("has more than 65535 joints; export fewer")?;
         model.joints.push(Joint { name: "static".into(), parent: None, rest: Trs::IDENTITY });
         model.binds.push(Bind { joint, inverse: Affine3A::IDENTITY });
     }

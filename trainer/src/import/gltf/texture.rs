@@ -1,6 +1,6 @@
 //! Base colour textures: images from views, data URIs or files, with their samplers.
 
-use super::super::{add_within, image_file};
+use super::super::{MAX_TEXELS, add_within, image_file};
 use super::document::{Document, item};
 use crate::model::{Texture, Wrap};
 use anyhow::{Context, Result, bail};
@@ -8,9 +8,6 @@ use gltf::json::texture::{MagFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-
-/// Greatest number of texels of all textures: 16 of 4096 × 4096, or 1 GiB.
-const MAX_TEXELS: usize = 1 << 28;
 
 /// The textures that materials use, in order of first use.
 #[derive(Default)]

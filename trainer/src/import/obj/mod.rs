@@ -6,7 +6,7 @@
 
 mod mtl;
 
-use super::{MAX_TRIANGLES, MAX_VERTICES, add_within};
+use super::{MAX_TRIANGLES, MAX_VERTICES, add_within, check_within};
 use crate::model::{Material, Model, Triangle, Vertex};
 use anyhow::{Context, Result, ensure};
 use glam::{Vec2, Vec3, Vec4};
@@ -72,7 +72,7 @@ impl<'a> Reader<'a> {
         match keyword {
             "v" => {
                 let numbers = numbers(rest)?;
-                ensure!(numbers.len() >= 3, "has a vertex of {} numbers", numbers.len());
+                ensure!(numbers.len() >= 3, "has a vertex of {} numbers; give it 3", numbers.len());
                 // Six numbers are a position and a colour; a fourth is a weight without use here.
                 let color = numbers.get(3..6).map_or(Vec3::ONE, Vec3::from_slice);
                 let color = if color.is_finite() { color } else { Vec3::ONE };
@@ -121,7 +121,7 @@ impl<'a> Reader<'a> {
             return Ok(known);
         }
         let index = self.model.vertices.len();
-        add_within(&mut index.clone(), 1, MAX_VERTICES, "vertices")?;
+        check_within(index + 1, MAX_VERTICES, "vertices")?;
         let (at, color) = self.positions[position];
         self.model.vertices.push(Vertex {
             position: at,
@@ -175,7 +175,8 @@ fn words(rest: &str) -> impl Iterator<Item = &str> {
 
 /// From OBJ's numbers, which begin at 1 or count back from the last, to an index.
 fn resolve(word: &str, count: usize, what: &str) -> Result<usize> {
-    let number: i64 = word.parse().ok().with_context(|| format!("has {word:?} for a {what}"))?;
+    let number: i64 =
+        word.parse().ok().with_context(|| format!("has {word:?} for a {what}; export it again"))?;
     let index = if number < 0 { number.checked_add(count as i64) } else { number.checked_sub(1) };
     index
         .and_then(|index| usize::try_from(index).ok())

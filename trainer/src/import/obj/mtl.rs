@@ -1,6 +1,6 @@
 //! MTL libraries: `newmtl`, `Kd`, `d`, `Tr` and `map_Kd`; the rest is about lighting.
 
-use super::super::image_file;
+use super::super::{MAX_TEXELS, add_within, image_file};
 use super::{keyword, numbers};
 use crate::model::{AlphaMode, Material, Texture, Wrap};
 use anyhow::{Context, Result};
@@ -26,6 +26,7 @@ pub(super) struct Statement {
 pub(super) struct Textures {
     textures: Vec<Texture>,
     of_file: HashMap<PathBuf, u32>,
+    texels: usize,
 }
 
 impl Library {
@@ -101,6 +102,7 @@ impl Textures {
         }
         let bytes = std::fs::read(path).context("cannot be read; put it there")?;
         let image = image_file::decode(&bytes)?;
+        add_within(&mut self.texels, image.as_raw().len() / 4, MAX_TEXELS, "texels")?;
         let index = self.textures.len() as u32;
         self.textures.push(Texture { image, wrap: [Wrap::Repeat; 2], nearest: false });
         self.of_file.insert(path.to_owned(), index);
