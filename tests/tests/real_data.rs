@@ -20,7 +20,7 @@ const BOUNDS: [(&str, f64); 6] = [
     ("greenman.glb", 20.0),
     ("kaykit_knight.glb", 17.5),
     ("valid_head_female.glb", 17.5),
-    ("SimpleSkin.gltf", 50.0),
+    ("SimpleSkin.gltf", 19.5),
 ];
 
 /// Few Gaussians, one pose, few small pictures.
