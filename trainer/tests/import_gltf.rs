@@ -217,7 +217,7 @@ fn clips_beyond_reason_are_refused_by_name() {
     };
     assert_eq!(lasting(3600.0).read().clips[0].seconds, 3600.0);
     for seconds in [3e6, 1e30, f32::MAX] {
-        lasting(seconds).fails_with("clip \"walk\": lasts ");
+        lasting(seconds).fails_with("clip \"walk\": its ");
     }
 }
 
