@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use dermis_tests::command::{Run, run};
 use dermis_tests::files::{SmallMesh, empty_folder, names};
 use dermis_tests::small::{options, trained_demo};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const TINY: &str = "--preset draft --gaussians 150 --views 4 --keyframes 1 --size 24 --levels 2";
 
@@ -97,7 +97,7 @@ fn bad_meshes_are_refused() {
     let uvs = pyramid.positions.iter().map(|[x, y, _]| [x + 0.5, *y]).collect();
     let image = Some("absent.png".to_owned());
     let no_image = SmallMesh { uvs, image, ..pyramid };
-    let files: [(&str, Vec<u8>, &str); 11] = [
+    let files: [(&str, Vec<u8>, &str); 12] = [
         ("short.glb", whole[..whole.len() - 40].to_vec(), ""),
         ("header.glb", whole[..15].to_vec(), ""),
         ("empty.glb", Vec::new(), ""),
@@ -108,6 +108,7 @@ fn bad_meshes_are_refused() {
         ("area.glb", without_area.glb(), "area"),
         ("none.glb", no_triangles.glb(), ""),
         ("image.glb", no_image.glb(), "absent.png"),
+        ("flat.obj", b"v 0 0\n".to_vec(), "2 numbers"),
         ("face.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), ""),
     ];
     for (name, bytes, _) in &files {
@@ -180,8 +181,59 @@ fn wrong_names_and_numbers() {
         "train mesh.glb -o out.dermis --method lodavatar --gaussians 5",
         "--gaussians",
     );
+    misuses(&folder, "info a.dermis --threads 60000", "--threads");
+    // A polygon of 800 triangles, each of which becomes 4 with a level.
+    let rim = (0..802).map(|i| i as f32 / 802.0 * std::f32::consts::TAU);
+    let mut disc: String = rim.map(|a| format!("v {} {} 0\n", a.cos(), a.sin())).collect();
+    disc.push('f');
+    (1..=802).for_each(|corner| disc.push_str(&format!(" {corner}")));
+    fs::write(folder.join("disc.obj"), disc).expect("it can be written");
+    fails(
+        &folder,
+        "train disc.obj -o out.dermis --method lodavatar --levels 8",
+        &["disc.obj: ", "17476802 Gaussians in 8 levels", "; choose fewer --levels"],
+    );
     misuses(&folder, "paint a.dermis", "paint");
     misuses(&folder, "", "Usage");
+}
+
+#[test]
+fn cameras_are_finite_and_rigid() {
+    let folder = folder("cameras");
+    let camera = json!({
+        "width": 24, "height": 16, "fx": 20.0, "fy": 20.0, "cx": 12.0, "cy": 8.0,
+        "world_to_camera": [[1, 0, 0, 0], [0, -1, 0, 1], [0, 0, -1, 3], [0, 0, 0, 1]],
+        "background": [0, 0, 0],
+    });
+    let write = |camera: &Value| {
+        fs::write(folder.join("camera.json"), camera.to_string()).expect("it can be written");
+    };
+    let render = "render a.dermis -o out.png --camera camera.json";
+    write(&camera);
+    assert!(json(&folder, render)["blends"].as_u64() > Some(0), "the avatar is before the camera");
+    fs::remove_file(folder.join("out.png")).expect("it was written");
+
+    let scaled = json!([[2, 0, 0, 0], [0, -2, 0, 1], [0, 0, -2, 3], [0, 0, 0, 1]]);
+    let mirrored = json!([[1, 0, 0, 0], [0, 1, 0, 1], [0, 0, -1, 3], [0, 0, 0, 1]]);
+    let sheared = json!([[1, 0.1, 0, 0], [0, -1, 0, 1], [0, 0, -1, 3], [0, 0, 0, 1]]);
+    let columns = json!([1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 1, 3, 1]);
+    let far = json!([[1, 0, 0, 1e39], [0, -1, 0, 1], [0, 0, -1, 3], [0, 0, 0, 1]]);
+    for (field, value, part) in [
+        ("fx", json!(1e39), "finite"),
+        ("cy", json!(-1e39), "finite"),
+        ("background", json!([0, 1e39, 0]), "finite"),
+        ("world_to_camera", far, "finite"),
+        ("world_to_camera", scaled, "rotation"),
+        ("world_to_camera", mirrored, "rotation"),
+        ("world_to_camera", sheared, "rotation"),
+        ("world_to_camera", columns, "rotation"),
+        ("fy", json!(0), "above 0"),
+    ] {
+        let mut bad = camera.clone();
+        bad[field] = value;
+        write(&bad);
+        fails(&folder, render, &["camera.json: ", part, "; "]);
+    }
 }
 
 #[test]
@@ -235,7 +287,10 @@ fn json_has_the_keys_of_the_design() {
     let rows = eval["rows"].as_array().expect("rows are a list");
     assert_eq!(rows.len(), 3, "two levels and a budget");
     for row in rows {
-        has_keys(row, "split level budget gaussians bytes psnr_db psnr_foreground_db ssim flip");
+        has_keys(
+            row,
+            "split level budget gaussians bytes views psnr_db psnr_foreground_db ssim flip",
+        );
         assert_eq!(row["split"], "novel_view");
     }
     let last = rows[2]["psnr_foreground_db"].as_f64();

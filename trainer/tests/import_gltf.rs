@@ -204,6 +204,24 @@ fn weights_split_into_a_channel_a_target() {
 }
 
 #[test]
+fn clips_beyond_reason_are_refused_by_name() {
+    let lasting = |seconds: f32| {
+        let mut file = File::triangle();
+        let times = file.floats("SCALAR", &[0., seconds]);
+        let moves = file.floats("VEC3", &[0., 0., 0., 1., 0., 0.]);
+        file.json["animations"] = json!([{
+            "name": "walk",
+            "samplers": [{"input": times, "output": moves}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]}]);
+        file
+    };
+    assert_eq!(lasting(3600.0).read().clips[0].seconds, 3600.0);
+    for seconds in [3e6, 1e30, f32::MAX] {
+        lasting(seconds).fails_with("clip \"walk\": its ");
+    }
+}
+
+#[test]
 fn repeated_keys_are_left_out() {
     let mut file = File::triangle();
     let times = file.floats("SCALAR", &[0., 1., 1., 2.]);

@@ -48,7 +48,7 @@ fn bad_files_are_refused_by_name() {
     fails("v 0 0 0\nv 1 0 0\nf 1 2 9\n", "", "line 3: names vertex 9 of 2");
     fails("v 0 0 0\nf 1 1 -2\n", "", "line 2: names vertex -2 of 1");
     fails("v 0 0 0\nvt 0 0\nf 1/-9 1/0 1/1\n", "", "names texture coordinate -9 of 1");
-    fails("v 0 0\n", "", "a vertex of 2 numbers");
+    fails("v 0 0\n", "", "a vertex of 2 numbers; give it 3");
     fails("v 0 zero 0\n", "", "\"zero\" for a number");
     fails("v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "", "vertex 0 is not finite");
 }

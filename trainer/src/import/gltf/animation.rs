@@ -21,9 +21,9 @@ pub(super) fn read(
 ) -> Result<Vec<Clip>> {
     let mut reader = Reader { document, joints, morphs, numbers: 0 };
     let mut clips = Vec::new();
-    // What a key of a resampled clip costs at most, beside its channels.
+    // Numbers of a pose: each key of a resampled clip is made from one.
     let moved = joints.iter().flatten().count() + morphs.iter().map(|m| m.count).sum::<usize>();
-    let mut resampled = 0;
+    let mut resampled = 0_usize;
     for (index, json) in document.root.animations.iter().enumerate() {
         let channels = reader.clip(json).with_context(|| format!("animation {index}"))?;
         if !channels.is_empty() {
@@ -34,14 +34,12 @@ pub(super) fn read(
             // Clips are resampled evenly, so that a late key costs as much as many keys.
             let keys = (seconds * KEYS_PER_SECOND) as usize;
             let numbers = keys.saturating_mul(moved + 4 * channels.len());
-            add_within(&mut resampled, numbers, MAX_NUMBERS, "numbers in key frames")
-                .with_context(|| {
-                    let channels = channels.len();
-                    format!(
-                        "clip {name:?}: lasts {seconds} s, too long for {channels} channels at \
-                         {KEYS_PER_SECOND} keys a second; cut it"
-                    )
-                })?;
+            resampled = resampled.saturating_add(numbers);
+            ensure!(
+                resampled <= MAX_NUMBERS,
+                "clip {name:?}: its {seconds:?} s at {KEYS_PER_SECOND} keys a second bring all \
+                 clips beyond {MAX_NUMBERS} numbers; shorten it, or check the times of its keys"
+            );
             clips.push(Clip { name, seconds, channels });
         }
     }

@@ -86,7 +86,7 @@ impl<'a> Skeleton<'a> {
         for node in self.nodes.parents_first().filter(|&node| needed[node]) {
             joints[node] = Some(
                 u16::try_from(model.joints.len())
-                    .context("has more than 65535 joints; export fewer")?,
+                    .context("has more than 65536 joints; export fewer")?,
             );
             model.joints.push(Joint {
                 name: self.nodes.name(node).to_owned(),
@@ -278,7 +278,7 @@ fn bind_static(model: &mut Model) -> Result<()> {
     }
     if found {
         let joint = u16::try_from(model.joints.len())
-            .context("has more than 65535 joints; export fewer")?;
+            .context("has more than 65536 joints; export fewer")?;
         model.joints.push(Joint { name: "static".into(), parent: None, rest: Trs::IDENTITY });
         model.binds.push(Bind { joint, inverse: Affine3A::IDENTITY });
     }
