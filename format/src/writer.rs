@@ -1,6 +1,6 @@
 //! The encoder: [`Source`] to bytes.
 
-use core::fmt;
+use core::{fmt, iter};
 
 use crate::header::{Header, RecordKind};
 use crate::order;
@@ -14,6 +14,8 @@ use crate::source::{Channel, Clip, Gaussians, Mesh, Morph, Region, Rig, Source};
 
 /// Most Gaussians that share ranges.
 const GROUP_LEN: usize = 256;
+/// How far from 1 the weights of a vertex may add up.
+const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
 
 /// Why a source cannot be encoded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,11 +65,27 @@ fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
     if !mesh.morph_targets.iter().flat_map(|m| &m.deltas).all(|(vertex, _)| exists(vertex)) {
         return refuse("a morph target moves a vertex that does not exist");
     }
+    for morph in &mesh.morph_targets {
+        if !morph.deltas.is_sorted_by(|(a, _), (b, _)| a < b) {
+            let name = &morph.name;
+            return refuse(format!("morph target {name}: its vertices do not ascend, each once"));
+        }
+    }
     if mesh.influences.iter().flatten().any(|&(bind, _)| usize::from(bind) >= binds) {
         return refuse("a vertex hangs on a bind that does not exist");
     }
-    if mesh.influences.iter().flatten().any(|(_, weight)| !weight.is_finite()) {
-        return refuse("a skin weight is not finite");
+    for influences in &mesh.influences {
+        let weights = influences.map(|(_, weight)| weight);
+        if !weights.iter().all(|weight| weight.is_finite()) {
+            return refuse("a skin weight is not finite");
+        }
+        if weights.iter().any(|&weight| weight < 0.0) {
+            return refuse("a skin weight is negative");
+        }
+        let sum: f32 = weights.iter().sum();
+        if !((sum - 1.0).abs() <= WEIGHT_SUM_TOLERANCE) {
+            return refuse(format!("a vertex's skin weights add up to {sum}, not to 1"));
+        }
     }
     if !mesh.two_sided.is_empty() && mesh.two_sided.len() != mesh.triangles.len() {
         return refuse("triangles and their two-sided bits differ in number");
@@ -235,19 +253,21 @@ fn vertex_indices(indices: impl Iterator<Item = u32>, vertices: u32) -> Vec<u8> 
 }
 
 fn skin_payload(mesh: &Mesh, binds: u16) -> Vec<u8> {
-    let indices = mesh.influences.iter().flatten().map(|(bind, _)| *bind);
+    let codes: Vec<[u8; 4]> =
+        mesh.influences.iter().map(|i| weight_codes(i.map(|(_, weight)| weight))).collect();
+    // An influence that is not used is (0, 0).
+    let indices = mesh.influences.iter().flatten().zip(codes.iter().flatten());
+    let indices = indices.map(|(&(bind, _), &code)| if code == 0 { 0 } else { bind });
     let mut payload: Vec<u8> = if binds <= 1 << 8 {
         indices.map(|bind| bind as u8).collect()
     } else {
         indices.flat_map(u16::to_le_bytes).collect()
     };
-    for influences in &mesh.influences {
-        payload.extend(weight_codes(influences.map(|(_, weight)| weight)));
-    }
+    payload.extend(codes.iter().flatten());
     payload
 }
 
-/// Weights in 1/255 that add up to 255: the greatest takes what rounding left over.
+/// Weights that add up to 1, in 1/255 that add up to 255: the greatest takes what rounding left over.
 fn weight_codes(weights: [f32; 4]) -> [u8; 4] {
     let mut codes = weights.map(|weight| (weight * 255.0 + 0.5) as u8);
     let mut greatest = 0;
@@ -257,7 +277,8 @@ fn weight_codes(weights: [f32; 4]) -> [u8; 4] {
         }
     }
     let sum: i32 = codes.iter().map(|&code| i32::from(code)).sum();
-    codes[greatest] = (i32::from(codes[greatest]) + 255 - sum).clamp(0, 255) as u8;
+    // The greatest is at least 63/255, more than rounding leaves over: this is in 0..=255.
+    codes[greatest] = (i32::from(codes[greatest]) + 255 - sum) as u8;
     codes
 }
 
@@ -402,6 +423,15 @@ fn check_region(region: &Region, source: &Source) -> Result<(), EncodeError> {
             region.name
         ));
     }
+    // Levels after each Gaussian's layer; there are as many Gaussians as layers say.
+    let layers = region.layers.iter().rev().enumerate().rev();
+    let later = layers.flat_map(|(later, &len)| iter::repeat_n(later, len as usize));
+    if !region.later_opacities.iter().zip(later).all(|(o, later)| o.len() == later) {
+        return refuse(format!(
+            "region {}: a Gaussian of layer m of n needs n - 1 - m later opacities",
+            region.name
+        ));
+    }
     let coefficients = 3 * ((usize::from(source.mathematics.harmonics_degree) + 1).pow(2) - 1);
     let expected = if coefficients == 0 { 0 } else { n };
     if region.harmonics.len() != expected
@@ -482,14 +512,22 @@ fn block_payload(
     if levels {
         let later = region.layers.len() - usize::from(layer) - 1;
         for place in places {
-            let opacities = region.later_opacities.get(place).map_or(&[][..], |o| &o[..]);
-            payload.extend(
-                (0..later).map(|level| opacities.get(level).map_or(0, |&o| opacity_code(o))),
-            );
+            match region.later_opacities.get(place) {
+                Some(opacities) => payload.extend(opacities.iter().map(|&o| opacity_code(o))),
+                // The same at all levels.
+                None => payload.extend(iter::repeat_n(own_opacity_code(region, place), later)),
+            }
         }
     }
     payload.extend(harmonics);
     Ok(payload)
+}
+
+fn own_opacity_code(region: &Region, place: usize) -> u8 {
+    opacity_code(match &region.gaussians {
+        Gaussians::Disc(discs) => discs[place].opacity,
+        Gaussians::Full(fulls) => fulls[place].opacity,
+    })
 }
 
 /// Where groups end: after 256 Gaussians, or before a triangle too far from the group's first.
