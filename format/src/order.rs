@@ -9,8 +9,9 @@
 //! rank(i) = Σ ⌈(n − (i mod 2ᵗ)) / 2ᵗ⁺¹⌉ over the bits t that are set in i
 //! ```
 //!
-//! Whatever prefix of it one takes, the places are evenly spread, no gap more than twice the mean,
-//! hence evenly spread over the mesh, too.
+//! Whatever prefix of it one takes, the places are evenly spread, hence evenly spread over the mesh,
+//! too: place 0 is the first, and from each place to the next, and from the last to the block's
+//! end, it is at most twice the mean gap (count / prefix).
 
 /// At most this many Gaussians stand in a block.
 pub const BLOCK_LEN: u32 = 4096;
@@ -76,14 +77,17 @@ mod tests {
 
     #[test]
     fn gaps_of_a_prefix_are_at_most_twice_the_mean() {
-        for count in (2..=BLOCK_LEN).step_by(13) {
-            for prefix in [1, count / 10 + 1, count / 3 + 1, count - 1] {
-                let mut last = 0;
-                for place in (0..count).filter(|&place| rank(place, count) < prefix) {
-                    assert!(place - last <= 2 * count.div_ceil(prefix), "{prefix} of {count}");
-                    last = place;
+        for count in (1..=300).chain((301..=BLOCK_LEN).step_by(173)).chain([BLOCK_LEN]) {
+            let mut places: Vec<u32> = (0..count).collect();
+            places.sort_by_key(|&place| rank(place, count));
+            let step = if count <= 300 { 1 } else { 37 };
+            for prefix in (1..=count).step_by(step).chain([count - count / 2, count]) {
+                let mut drawn = places[..prefix as usize].to_vec();
+                drawn.sort_unstable();
+                assert_eq!(drawn[0], 0, "{prefix} of {count}");
+                for (place, next) in drawn.iter().zip(drawn[1..].iter().chain([&count])) {
+                    assert!((next - place) * prefix <= 2 * count, "{prefix} of {count}: {place}");
                 }
-                assert!(count - last <= 2 * count.div_ceil(prefix), "{prefix} of {count}");
             }
         }
     }

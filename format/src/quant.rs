@@ -5,7 +5,8 @@ use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
 /// A flat disc in the frame of its triangle. Lengths in units of the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disc {
-    /// x, y in the triangle's plane, z along its normal.
+    /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
+    /// the plane, y along the normal. World: the world's axes, metres.
     pub position: [f32; 3],
     /// From the frame's x to the first axis, radians in [0, π).
     pub angle: f32,
@@ -20,7 +21,8 @@ pub struct Disc {
 /// A Gaussian with rotation and three scales. Lengths in units of the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Full {
-    /// x, y in the triangle's plane, z along its normal.
+    /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
+    /// the plane, y along the normal. World: the world's axes, metres.
     pub position: [f32; 3],
     /// Unit quaternion w, x, y, z: own axes → frame.
     pub rotation: [f32; 4],
@@ -200,7 +202,7 @@ pub fn quaternion_value(code: u32) -> [f32; 4] {
     };
     let (a, b, c) = (component(20), component(10), component(0));
     let rest = 1.0 - (a * a + b * b + c * c);
-    let greatest = if rest > 0.0 { sqrt(rest) } else { 0.0 };
+    let greatest = if rest > 0.0 { libm::sqrtf(rest) } else { 0.0 };
     match code >> 30 {
         0 => [greatest, a, b, c],
         1 => [a, greatest, b, c],
@@ -209,28 +211,9 @@ pub fn quaternion_value(code: u32) -> [f32; 4] {
     }
 }
 
-/// Square root for x in (0, 1], by Newton's iteration: within 2 ulp.
-fn sqrt(x: f32) -> f32 {
-    // First guess within 4 %: half the exponent.
-    let mut root = f32::from_bits((x.to_bits() >> 1) + 0x1fbd_1df5);
-    for _ in 0..3 {
-        root = 0.5 * (root + x / root);
-    }
-    root
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn square_root_is_within_two_ulp_over_its_domain() {
-        for bits in (1e-12f32.to_bits()..=1f32.to_bits()).step_by(97) {
-            let x = f32::from_bits(bits);
-            let ulps = sqrt(x).to_bits().abs_diff(x.sqrt().to_bits());
-            assert!(ulps <= 2, "{ulps} ulp at {x}");
-        }
-    }
 
     #[test]
     fn rotations_return_within_a_third_of_a_degree() {

@@ -50,7 +50,7 @@ impl Default for Mathematics {
 pub struct Mesh {
     /// Bind space, metres.
     pub positions: Vec<[f32; 3]>,
-    /// Bind and weight, four for each vertex; empty if no joint moves the mesh.
+    /// Bind and weight, four for each vertex, weights adding up to 1; empty if no joint moves the mesh.
     pub influences: Vec<[(u16, f32); 4]>,
     /// Indices of vertices.
     pub triangles: Vec<[u32; 3]>,
@@ -69,7 +69,7 @@ pub struct Morph {
     pub name: String,
     /// Weight where no clip says otherwise.
     pub default_weight: f32,
-    /// Vertex and its displacement in bind space, metres.
+    /// Vertex and its displacement in bind space, metres; vertices ascend, each once.
     pub deltas: Vec<(u32, [f32; 3])>,
 }
 
@@ -132,7 +132,8 @@ pub struct Region {
     pub gaussians: Gaussians,
     /// Triangle of each; empty without a mesh.
     pub triangles: Vec<u32>,
-    /// For each Gaussian of layer m, its opacities at levels m+1, m+2, …; empty if opacity is the same at all levels.
+    /// For each Gaussian of layer m, its opacities at levels m+1, m+2, … to the last; the whole list
+    /// is empty if opacity is the same at all levels.
     pub later_opacities: Vec<Vec<f32>>,
     /// For each Gaussian 3 · ((degree + 1)² − 1) coefficients, (r, g, b) after (r, g, b); empty at degree 0.
     pub harmonics: Vec<Vec<f32>>,

@@ -1,5 +1,6 @@
 //! The worked file of SPEC.md: what its bytes say, and that the encoder writes exactly them.
 
+use dermis_format::section::tag;
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Disc, FrameKind, LowPass, RecordKind, Records, ScaleLaw, order};
@@ -110,19 +111,28 @@ fn the_worked_bytes_say_what_the_text_says() {
     }
 }
 
-/// Every tag that SPEC.md's table names is one this crate knows, and the other way round.
+/// Every tag that SPEC.md's table names is a constant of `section::tag`, and the other way round.
 #[test]
 fn the_table_of_sections_is_complete() {
     let spec = include_str!("../SPEC.md");
-    let known = [
-        "VERT", "TRIS", "SKIN", "SIDE", "TREG", "JNTS", "JNAM", "BIND", "MRPH", "CLIP", "REGN",
-        "LAYR", "KEYF", "BLCK",
-    ];
-    let named: Vec<&str> = spec
+    let source = include_str!("../src/section.rs");
+    // The constants are in their module and nowhere else in that file.
+    let constants = source.lines().filter_map(|line| {
+        let (_, value) = line.trim().strip_prefix("pub const ")?.split_once(": [u8; 4] = *b\"")?;
+        value.strip_suffix("\";")
+    });
+    let mut known: Vec<&str> = constants.collect();
+    let mut named: Vec<&str> = spec
         .lines()
         .filter_map(|line| line.strip_prefix("| `")?.split_once('`'))
         .map(|(tag, _)| tag)
         .filter(|tag| tag.len() == 4 && tag.chars().all(|c| c.is_ascii_uppercase()))
         .collect();
+    known.sort_unstable();
+    named.sort_unstable();
     assert_eq!(named, known);
+    // What each constant is worth, so that the lines above were read rightly.
+    for tag in [tag::VERTICES, tag::MORPH, tag::KEY_FRAMES, tag::BLOCK] {
+        assert!(known.iter().any(|known| known.as_bytes() == tag));
+    }
 }

@@ -179,7 +179,7 @@ fn the_mesh_and_its_rig_return() {
         let found = avatar.influences(index);
         assert_eq!(found.iter().map(|(_, w)| u32::from(*w)).sum::<u32>(), 255);
         for ((bind, weight), expected) in found.into_iter().zip(expected) {
-            assert_eq!(bind, u32::from(expected.0));
+            assert_eq!(bind, if weight > 0 { u32::from(expected.0) } else { 0 });
             near(f32::from(weight) / 255.0, expected.1, 1.0 / 255.0);
         }
     }
@@ -223,6 +223,59 @@ fn opacities_and_harmonics_return() {
     for (&code, expected) in block.harmonics.iter().zip(expected) {
         near(f32::from(code) * step, expected, 0.501 * step);
     }
+}
+
+/// A region whose opacity is the same at all levels keeps it beside one whose opacity changes.
+#[test]
+fn opacities_of_a_region_without_later_ones_stay() {
+    let mut source = avatars::opacities();
+    source.regions.push(discs_on("same", &[2, 3, 1], 3));
+    source.mesh.triangle_regions = vec![0, 0, 1];
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let mut levels = 0;
+    for block in avatar.blocks().filter(|block| block.region == 1) {
+        assert_eq!(block.later_levels, 2 - usize::from(block.layer));
+        let Records::Disc(discs) = block.records else { panic!("discs") };
+        for (place, disc) in discs.iter().enumerate() {
+            for level in 0..block.later_levels {
+                assert_eq!(block.opacities[place * block.later_levels + level], disc.opacity);
+                levels += 1;
+            }
+        }
+    }
+    assert_eq!(levels, 2 * 2 + 3);
+}
+
+#[test]
+fn later_opacities_of_the_wrong_length_are_refused() {
+    for (place, len) in [(0, 1), (0, 3), (2, 0), (3, 2), (6, 1)] {
+        let mut source = avatars::opacities();
+        source.regions[0].later_opacities[place] = vec![0.5; len];
+        let why = encode(&source).unwrap_err().to_string();
+        assert!(why.contains("later opacities"), "{place} {len}: {why}");
+    }
+}
+
+#[test]
+fn weights_add_up_and_an_influence_that_is_not_used_is_0_0() {
+    let mut source = avatars::rigged();
+    source.mesh.influences = vec![
+        [(1, 0.999), (1, 0.0), (1, 0.001), (1, 0.0)],
+        [(1, 0.25); 4],
+        [(1, 0.334), (0, 0.333), (1, 0.333), (1, 0.0)],
+        [(0, 0.0), (1, 0.0), (1, 0.0), (1, 0.9995)],
+        [(1, 0.499), (0, 0.499), (1, 0.001), (1, 0.001)],
+    ];
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    for index in 0..5 {
+        let found = avatar.influences(index);
+        assert_eq!(found.iter().map(|(_, w)| u32::from(*w)).sum::<u32>(), 255, "vertex {index}");
+        assert!(found.iter().all(|&(bind, weight)| weight > 0 || bind == 0), "{found:?}");
+    }
+    assert_eq!(avatar.influences(0), [(1, 255), (0, 0), (0, 0), (0, 0)]);
+    assert_eq!(avatar.influences(3), [(0, 0), (0, 0), (0, 0), (1, 255)]);
 }
 
 /// Groups split where a triangle is further than 65,535 from the group's first.
@@ -272,12 +325,18 @@ fn what_cannot_be_encoded_is_refused() {
         encode(&source).expect_err("a refusal").to_string()
     };
     type Change = (fn(&mut Source), &'static str);
-    let changes: [Change; 13] = [
+    let changes: [Change; 19] = [
         (|s| s.regions.clear(), "region"),
         (|s| s.mesh.triangles[1][2] = 65_536 + 2, "corner"),
         (|s| s.mesh.morph_targets[0].deltas[0].0 = 65_536, "vertex"),
         (|s| s.mesh.influences[0][1].0 = 256, "bind"),
         (|s| s.mesh.influences[0][1].1 = f32::NAN, "weight"),
+        (|s| s.mesh.influences[2] = [(0, 1.0), (1, 1.0), (0, 1.0), (0, 0.0)], "add up to 3"),
+        (|s| s.mesh.influences[2] = [(0, 0.0); 4], "add up to 0"),
+        (|s| s.mesh.influences[2][0].1 += 0.002, "add up to"),
+        (|s| s.mesh.influences[2] = [(0, 1.5), (1, -0.5), (0, 0.0), (0, 0.0)], "negative"),
+        (|s| s.mesh.morph_targets[0].deltas[1].0 = 1, "ascend"),
+        (|s| s.mesh.morph_targets[0].deltas.reverse(), "ascend"),
         (|s| s.mesh.two_sided.push(true), "two-sided"),
         (|s| s.mesh.positions[1][0] = f32::NAN, "finite"),
         (|s| s.bounds[1][1] = f32::INFINITY, "finite"),
@@ -311,11 +370,17 @@ fn every_prefix_of_a_block_is_evenly_spread() {
     // Rank of each place as SPEC.md gives it for five places.
     let ranks: Vec<u32> = (0..5).map(|place| order::rank(place, 5)).collect();
     assert_eq!(ranks, [0, 3, 2, 4, 1]);
-    // Every prefix has as many places as it says.
-    for count in 1..300 {
+    for count in 1..200 {
         for prefix in 1..=count {
-            let drawn = (0..count).filter(|&place| order::rank(place, count) < prefix).count();
-            assert_eq!(drawn, prefix as usize);
+            let drawn: Vec<u32> =
+                (0..count).filter(|&place| order::rank(place, count) < prefix).collect();
+            // As many places as it says, the first at 0, none further from the next, nor the last
+            // from the end, than twice the mean gap.
+            assert_eq!((drawn.len(), drawn[0]), (prefix as usize, 0));
+            let ends = drawn[1..].iter().chain([&count]);
+            for (place, next) in drawn.iter().zip(ends) {
+                assert!((next - place) * prefix <= 2 * count, "{prefix} of {count}: {place}");
+            }
         }
     }
 }
