@@ -6,10 +6,11 @@ use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_tests::compare::{cost_of_packing, to_reference};
 use dermis_tests::files;
 use dermis_tests::small::WHITE;
-use dermis_trainer::draw::{draw, orbit};
+use dermis_trainer::draw::draw;
 use dermis_trainer::eval::{EvalOptions, Split, evaluate};
 use dermis_trainer::import;
 use dermis_trainer::options::{Method, Options, Preset};
+use dermis_trainer::orbit::Orbit;
 use dermis_trainer::train::train;
 
 /// Foreground PSNR in dB that so few Gaussians and steps must reach on novel views, about 2 dB below
@@ -83,7 +84,8 @@ fn whole_path(path: &Path) -> f64 {
     let clip = clips.checked_sub(1).map(|clip| Pose::Clip { clip, seconds: 0.3 });
     for pose in [Pose::Rest].into_iter().chain(clip) {
         let plan = Plan::with_budget(&avatar, 300);
-        let camera = orbit(&avatar, &pose, 20.0, 5.0, None, 96, 96);
+        let orbit = Orbit { yaw: 20.0, pitch: 5.0, distance: None };
+        let camera = orbit.camera(&avatar, &pose, 96, 96);
         let camera = camera.unwrap_or_else(|error| named(&error));
         let drawn = draw(&avatar, &pose, &plan, &camera, background);
         let drawn = drawn.unwrap_or_else(|error| named(&error));
@@ -123,7 +125,8 @@ fn the_standard_avatar_is_drawn_and_packed_exactly_enough() {
         [(20_000, None), (20_000, Some(0.6)), (20_000, Some(9.0)), (2_000, None)]
     {
         let plan = Plan::with_budget(&avatar, budget);
-        let camera = orbit(&avatar, &pose, 20.0, 5.0, distance, 270, 270).expect("it has a box");
+        let orbit = Orbit { yaw: 20.0, pitch: 5.0, distance };
+        let camera = orbit.camera(&avatar, &pose, 270, 270).expect("it has a box");
         let off = to_reference(&avatar, &pose, &plan, &camera);
         println!("{budget} Gaussians from {distance:?} m: {off:?}");
         assert!(off.steps <= 1 && off.unrounded < 0.1, "{off:?}");
