@@ -49,7 +49,8 @@ impl UvMap {
     }
 
     /// Offset · rotation · scale. The rotation is counter-clockwise as one sees the image, whose
-    /// v points down.
+    /// v points down: so says the extension's prose, and so draw its sample model and the viewers,
+    /// though the listing in its text has the other sign.
     pub(super) fn apply(&self, uv: Vec2) -> Vec2 {
         let (sin, cos) = self.rotation.sin_cos();
         let uv = self.scale * uv;
