@@ -12,7 +12,9 @@ use dermis_runtime::harmonics;
 use dermis_runtime::math::{Real, dot, scale, sub};
 use dermis_runtime::prepare::{SplatCamera, for_each_visible};
 use dermis_runtime::project::{Splat, View, project};
-use dermis_runtime::raster::{CLEAR, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha};
+use dermis_runtime::raster::{
+    CLEAR, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha,
+};
 use dermis_runtime::select::{Local, Selected};
 use dermis_runtime::tiles::{Pair, TileGrid};
 use dermis_runtime::{Avatar, Camera, Plan, Pose, Posed, Prepared};
@@ -179,5 +181,5 @@ fn exact_alpha(splat: &Exact, px: f64, py: f64) -> f64 {
     let [a, b, c] = splat.falloff;
     let (u, v) = (a * dx + b * dy, c * dy);
     let exponent = splat.log2_opacity - v * v - u * u;
-    exponent.at_most(0.0).exp2().at_most(0.99)
+    exponent.at_most(0.0).exp2().at_most(f64::from(GREATEST_ALPHA))
 }

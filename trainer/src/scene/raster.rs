@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 use super::texture::Footprint;
 
 /// Nothing nearer than this is seen, metres (as the runtime).
-const NEAR: f64 = 0.01;
+const NEAR: f64 = dermis_runtime::project::NEAR as f64;
 /// Corners are rounded to this part of the distance between sub-samples.
 const SUBSTEPS: f64 = 256.0;
 /// Triangles are cut this far outside the picture, pixels. With pictures up to 16384 pixels and
