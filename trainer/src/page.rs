@@ -70,24 +70,11 @@ fn escaped(text: &str) -> String {
 }
 
 fn table(evaluation: &Evaluation) -> String {
-    let mut out = String::from(
-        "<p>Means over so many views:</p><table><tr><th>split<th>level<th>Gaussians<th>bytes<th>views\
-         <th>PSNR dB<th>foreground dB<th>SSIM<th>FLIP</tr>",
-    );
+    let headings: String = Row::HEADINGS.iter().map(|heading| format!("<th>{heading}")).collect();
+    let mut out = format!("<p>Means over so many views:</p><table><tr>{headings}</tr>");
     for row in &evaluation.rows {
-        let _ = write!(
-            out,
-            "<tr><td>{}<td>{:.2}<td>{}<td>{}<td>{}<td>{:.2}<td>{:.2}<td>{:.4}<td>{:.4}</tr>",
-            row.split.name(),
-            row.level,
-            row.gaussians,
-            row.bytes,
-            row.views,
-            row.psnr_db,
-            row.psnr_foreground_db,
-            row.ssim,
-            row.flip
-        );
+        let cells: String = row.cells().iter().map(|cell| format!("<td>{cell}")).collect();
+        out += &format!("<tr>{cells}</tr>");
     }
     out + "</table>"
 }

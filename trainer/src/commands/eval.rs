@@ -1,10 +1,9 @@
 //! `dermis eval`.
 
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use dermis_trainer::eval::{EvalOptions, Evaluation, evaluate};
+use dermis_trainer::eval::{EvalOptions, Evaluation, Row, evaluate};
 use dermis_trainer::import;
 
 use crate::Common;
@@ -45,24 +44,16 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 }
 
 pub(crate) fn text(evaluation: &Evaluation) -> String {
-    let mut out = String::from(
-        "split         level  gaussians     bytes  views    psnr  foreground    ssim    flip\n",
-    );
-    for row in &evaluation.rows {
-        // Writing to a string does not fail.
-        let _ = writeln!(
-            out,
-            "{:12} {:6.2} {:10} {:9} {:6} {:7.2} {:11.2} {:7.4} {:7.4}",
-            row.split.name(),
-            row.level,
-            row.gaussians,
-            row.bytes,
-            row.views,
-            row.psnr_db,
-            row.psnr_foreground_db,
-            row.ssim,
-            row.flip
-        );
-    }
+    let mut out = line(&Row::HEADINGS.map(String::from));
+    out.extend(evaluation.rows.iter().map(|row| line(&row.cells())));
     out
+}
+
+/// The first cell to the left, the others to the right.
+fn line(cells: &[String]) -> String {
+    let mut line = String::new();
+    for (column, cell) in cells.iter().enumerate() {
+        line += &if column == 0 { format!("{cell:12}") } else { format!(" {cell:>13}") };
+    }
+    line + "\n"
 }

@@ -80,6 +80,36 @@ pub struct Row {
     pub flip: f64,
 }
 
+impl Row {
+    /// What stands over [`Self::cells`].
+    pub const HEADINGS: [&'static str; 9] = [
+        "split",
+        "level",
+        "Gaussians",
+        "bytes",
+        "views",
+        "PSNR dB",
+        "foreground dB",
+        "SSIM",
+        "FLIP",
+    ];
+
+    /// For people to read.
+    pub fn cells(&self) -> [String; 9] {
+        [
+            self.split.name().to_owned(),
+            format!("{:.2}", self.level),
+            self.gaussians.to_string(),
+            self.bytes.to_string(),
+            self.views.to_string(),
+            format!("{:.2}", self.psnr_db),
+            format!("{:.2}", self.psnr_foreground_db),
+            format!("{:.4}", self.ssim),
+            format!("{:.4}", self.flip),
+        ]
+    }
+}
+
 /// All rows.
 #[derive(Clone, Debug, Serialize)]
 pub struct Evaluation {
