@@ -161,7 +161,11 @@ impl<'a> Workshop<'a> {
         let area = covered / points.len() as f32;
         let seeds: Vec<_> = points
             .par_iter()
-            .map(|point| seed(surface, painter, point, area, Freedom::Free))
+            .map(|point| {
+                // Where points stand further apart each stands for more of the surface.
+                let area = area / self.weights[point.triangle as usize];
+                seed(surface, painter, point, area, Freedom::Free)
+            })
             .collect();
         let mut cloud = Cloud::arrange(self.options.layers(seeds.len() as u32), &seeds);
         self.descend(&mut cloud, &self.options.schedule());
