@@ -1,5 +1,7 @@
 //! Codes to numbers, and back.
 
+use core::ops::{Add, Mul, Sub};
+
 use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
 
 /// A flat disc in the frame of its triangle. Lengths in units of the frame's size.
@@ -34,6 +36,15 @@ pub struct Full {
     pub opacity: f32,
 }
 
+/// The value of a code, or of several side by side.
+#[inline(always)]
+pub fn affine<F>(offset: F, step: F, code: F) -> F
+where
+    F: Add<Output = F> + Mul<Output = F>,
+{
+    offset + code * step
+}
+
 /// Radians per code of a disc's angle.
 pub const ANGLE_STEP: f32 = core::f32::consts::PI / 256.0;
 
@@ -41,7 +52,7 @@ impl Range {
     /// The value of a code.
     #[inline]
     pub fn value(self, code: u16) -> f32 {
-        self.offset.get() + f32::from(code) * self.step.get()
+        affine(self.offset.get(), self.step.get(), f32::from(code))
     }
 
     /// The range that codes 0..=`last` need to reach from `min` to `max`.
@@ -150,9 +161,12 @@ pub fn ycocg_of_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
     [(r + 2.0 * g + b) / 4.0, (r - b) / 2.0, (2.0 * g - r - b) / 4.0]
 }
 
-/// The inverse of [`ycocg_of_rgb`].
-#[inline]
-pub fn rgb_of_ycocg([luma, orange, green]: [f32; 3]) -> [f32; 3] {
+/// The inverse of [`ycocg_of_rgb`], of one colour or of several side by side.
+#[inline(always)]
+pub fn rgb_of_ycocg<F>([luma, orange, green]: [F; 3]) -> [F; 3]
+where
+    F: Copy + Add<Output = F> + Sub<Output = F>,
+{
     let rest = luma - green;
     [rest + orange, luma + green, rest - orange]
 }
@@ -169,9 +183,9 @@ pub fn opacity_code(opacity: f32) -> u8 {
 }
 
 /// √½: no component but the greatest of a unit quaternion exceeds it.
-const HALF_ROOT: f32 = core::f32::consts::FRAC_1_SQRT_2;
+pub const HALF_ROOT: f32 = core::f32::consts::FRAC_1_SQRT_2;
 /// Codes of a component: 10 bits, 0 in the middle.
-const COMPONENT_MIDDLE: f32 = 511.0;
+pub const COMPONENT_MIDDLE: f32 = 511.0;
 
 /// Smallest three: bits 30..32 say which component is the greatest (left out, positive), then 10
 /// bits for each other one in the order w, x, y, z: (code − 511) / 511 · √½.

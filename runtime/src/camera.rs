@@ -1,6 +1,6 @@
 //! Pinhole camera in OpenCV's axes: x right, y down, z forward.
 
-use crate::math::Real;
+use crate::math::Scalar;
 
 /// A pinhole camera. Pixel (0, 0) has its centre at (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +23,7 @@ pub struct Camera {
 
 impl Camera {
     /// Centre of projection in world axes, metres: −Rᵀ t.
-    pub fn position<R: Real>(&self) -> [R; 3] {
+    pub fn position<R: Scalar>(&self) -> [R; 3] {
         let m = self.world_to_camera.map(|row| row.map(R::of));
         core::array::from_fn(|i| -(m[0][i] * m[0][3] + m[1][i] * m[1][3] + m[2][i] * m[2][3]))
     }

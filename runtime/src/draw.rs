@@ -5,16 +5,9 @@ use core::ops::Range;
 use crate::error::Error;
 use crate::framebuffer::Framebuffer;
 use crate::prepare::Prepared;
-use crate::raster::{CLEAR, TilePixels, draw_tile};
+use crate::raster::{Counts, TilePixels, draw_tile};
 use crate::scratch::{Scratch, words};
 use crate::tiles::{Pair, TILE, fill_run, next_run};
-
-/// What drawing took.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DrawStatistics {
-    /// Gaussians blended into pixels.
-    pub blends: u64,
-}
 
 impl Prepared<'_> {
     /// Words of scratch that a band takes at least: one tile's pixels, and a list that holds every
@@ -35,15 +28,14 @@ impl Prepared<'_> {
         tile_rows: Range<u32>,
         scratch: &mut [u32],
         framebuffer: &mut Framebuffer<'_>,
-    ) -> Result<DrawStatistics, Error> {
+    ) -> Result<Counts, Error> {
         let tile_rows = tile_rows.start.min(self.grid.rows)..tile_rows.end.min(self.grid.rows);
         let first_row = tile_rows.start * TILE;
         let end_row = (tile_rows.end * TILE).min(self.grid.height);
         framebuffer.check(self.grid.width, end_row.saturating_sub(first_row) as usize)?;
-        let blends = self.for_each_tile(tile_rows, scratch, |tile, _, pixels| {
+        self.for_each_tile(tile_rows, scratch, |tile, _, pixels| {
             framebuffer.write(&self.grid, tile, first_row, pixels);
-        })?;
-        Ok(DrawStatistics { blends })
+        })
     }
 
     /// Draws the whole frame.
@@ -51,18 +43,17 @@ impl Prepared<'_> {
         &self,
         scratch: &mut [u32],
         framebuffer: &mut Framebuffer<'_>,
-    ) -> Result<DrawStatistics, Error> {
+    ) -> Result<Counts, Error> {
         self.draw_band(0..self.grid.rows, scratch, framebuffer)
     }
 
     /// Calls `finished` with each tile of a band: its index, its splats front to back, its pixels.
-    /// Returns the number of blends.
     pub fn for_each_tile(
         &self,
         tile_rows: Range<u32>,
         scratch: &mut [u32],
         mut finished: impl FnMut(u32, &[Pair], &TilePixels),
-    ) -> Result<u64, Error> {
+    ) -> Result<Counts, Error> {
         let pixels_len = words::<TilePixels>(1);
         let needed = pixels_len.saturating_add(self.lists_len(&tile_rows));
         let lent = scratch.len();
@@ -72,15 +63,15 @@ impl Prepared<'_> {
             return Err(Error::Scratch { needed, lent });
         }
         let pixels = Scratch::new(pixels, pixels_len)?.take::<TilePixels>(1)?;
-        let mut blends = 0;
+        let mut counts = Counts::default();
         self.for_each_list(tile_rows, lists, |tile, order| {
             for pixels in pixels.iter_mut() {
-                pixels.fill(CLEAR);
-                blends += draw_tile(self.splats, order, self.grid.pixels(tile), pixels);
+                *pixels = TilePixels::clear();
+                counts += draw_tile(self.kernel, self.splats, order, self.grid.pixels(tile), pixels);
                 finished(tile, order, pixels);
             }
         })?;
-        Ok(blends)
+        Ok(counts)
     }
 
     /// Calls `visit` with each tile of a band: its index, and its splats front to back. As many

@@ -2,7 +2,7 @@
 
 use dermis_format::FrameKind;
 
-use crate::math::{Real, add, cross, dot, scale, sub};
+use crate::math::{Real, Scalar, add, cross, dot, scale, sub};
 
 /// A coordinate system: `world = x · X₀ + y · X₁ + z · X₂ + origin`. The axes are orthogonal and
 /// as long as the frame's size, metres.
@@ -19,33 +19,26 @@ pub struct Frame<R> {
 }
 
 impl<R: Real> Frame<R> {
-    /// The world's own axes, size 1 m.
-    pub fn world() -> Self {
-        let (o, i) = (R::ZERO, R::ONE);
-        Self { x: [i, o, o], y: [o, i, o], z: [o, o, i], origin: [o; 3] }
-    }
-
-    /// The frame of a posed triangle. `None` where the triangle has no area, or corners that are
-    /// not finite: what stands on it is not drawn.
+    /// The frame of a posed triangle, and where there is one: not where the triangle has no area,
+    /// or corners that are not finite. What stands there is not drawn.
     ///
     /// Area (LoDAvatar, eq. 5): origin T = centroid, z = unit normal, x = unit(v0 − T), y = z × x,
     /// size = √area. Edge (GaussianAvatars): T = centroid, x = unit(v1 − v0), y = unit normal,
     /// z = −unit(y × x), size = (|v1 − v0| + |z · (v2 − v0)|) / 2.
-    pub fn of_triangle(kind: FrameKind, [v0, v1, v2]: [[R; 3]; 3]) -> Option<Self> {
+    #[inline(always)]
+    pub fn of_triangles(kind: FrameKind, [v0, v1, v2]: [[R; 3]; 3]) -> (Self, R::Mask) {
+        let constant = |x: f32| v0[0].like(x);
+        let (zero, one, half) = (constant(0.0), constant(1.0), constant(0.5));
         // Corners about the centroid, whose sum divided first by 3 cannot overflow.
-        let third = R::ONE / R::of(3.0);
+        let third = one / constant(3.0);
         let origin = add(add(scale(v0, third), scale(v1, third)), scale(v2, third));
         let (e1, e2, arm) = (sub(v1, v0), sub(v2, v0), sub(v0, origin));
         // In units of the longest edge's greatest component neither products nor their squares
         // over- or underflow, whatever the size of the triangle.
         let unit = greatest(e1).at_least(greatest(e2));
-        if !(unit > R::ZERO && unit.is_finite() && greatest(origin).is_finite()) {
-            return None;
-        }
-        let inverse = R::ONE / unit;
-        if !inverse.is_finite() {
-            return None;
-        }
+        let inverse = one / unit;
+        let sums = [origin, e1, e2].map(|[x, y, z]| x + y + z);
+        let finite = sums[0].finite() & sums[1].finite() & sums[2].finite() & inverse.finite();
         let (e1, e2, arm) = (scale(e1, inverse), scale(e2, inverse), scale(arm, inverse));
         let normal = cross(e1, e2);
         let double_area = dot(normal, normal).sqrt();
@@ -54,12 +47,9 @@ impl<R: Real> Frame<R> {
             FrameKind::Area | FrameKind::World => arm,
         };
         let first_length = dot(first, first).sqrt();
-        if !(double_area > R::ZERO && first_length > R::ZERO) {
-            return None;
-        }
-        let normal = scale(normal, R::ONE / double_area);
-        let first = scale(first, R::ONE / first_length);
-        let half = R::of(0.5);
+        let spans = zero.below(unit) & zero.below(double_area) & zero.below(first_length);
+        let normal = scale(normal, one / double_area);
+        let first = scale(first, one / first_length);
         let (x, y, z, size) = match kind {
             FrameKind::Edge => {
                 let height = cross(first, normal);
@@ -72,28 +62,49 @@ impl<R: Real> Frame<R> {
         };
         let size = size * unit;
         let frame = Self { x: scale(x, size), y: scale(y, size), z: scale(z, size), origin };
-        (size > R::ZERO && size.is_finite()).then_some(frame)
+        (frame, finite & spans & zero.below(size) & size.finite())
     }
 
     /// A local point in the world.
-    #[inline]
+    #[inline(always)]
     pub fn point(&self, local: [R; 3]) -> [R; 3] {
         add(self.direction(local), self.origin)
     }
 
     /// A local direction in the world.
-    #[inline]
+    #[inline(always)]
     pub fn direction(&self, [x, y, z]: [R; 3]) -> [R; 3] {
         add(add(scale(self.x, x), scale(self.y, y)), scale(self.z, z))
     }
 
     /// The triangle's normal, not of unit length.
-    #[inline]
+    #[inline(always)]
     pub fn normal(&self, kind: FrameKind) -> [R; 3] {
         match kind {
             FrameKind::Edge => self.y,
             FrameKind::Area | FrameKind::World => self.z,
         }
+    }
+
+    /// Whether the triangle's front looks at `eye`.
+    #[inline(always)]
+    pub fn faces(&self, kind: FrameKind, eye: [R; 3]) -> R::Mask {
+        let towards = dot(self.normal(kind), sub(eye, self.origin));
+        towards.like(0.0).below(towards)
+    }
+}
+
+impl<R: Scalar> Frame<R> {
+    /// The world's own axes, size 1 m.
+    pub fn world() -> Self {
+        let (o, i) = (R::ZERO, R::ONE);
+        Self { x: [i, o, o], y: [o, i, o], z: [o, o, i], origin: [o; 3] }
+    }
+
+    /// [`Frame::of_triangles`] of one triangle.
+    pub fn of_triangle(kind: FrameKind, corners: [[R; 3]; 3]) -> Option<Self> {
+        let (frame, exists) = Self::of_triangles(kind, corners);
+        exists.then_some(frame)
     }
 
     /// Whether what stands on the triangle can be seen from `eye`: its front looks there, or its
@@ -102,20 +113,11 @@ impl<R: Real> Frame<R> {
     pub fn shows(&self, kind: FrameKind, two_sided: bool, eye: [R; 3]) -> bool {
         two_sided || self.faces(kind, eye)
     }
-
-    /// Whether the triangle's front looks at `eye`.
-    #[inline]
-    pub fn faces(&self, kind: FrameKind, eye: [R; 3]) -> bool {
-        dot(self.normal(kind), sub(eye, self.origin)) > R::ZERO
-    }
 }
 
-/// Greatest absolute component; infinite or NaN if any is.
+/// Greatest absolute component.
+#[inline(always)]
 fn greatest<R: Real>([x, y, z]: [R; 3]) -> R {
-    let sum = x + y + z;
-    if !sum.is_finite() {
-        return sum;
-    }
     x.abs().at_least(y.abs()).at_least(z.abs())
 }
 

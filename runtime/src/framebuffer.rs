@@ -53,13 +53,14 @@ impl Framebuffer<'_> {
     ) {
         let [columns, rows] = grid.pixels(tile);
         let background = self.background;
-        for (y, line) in rows.clone().zip(source.chunks_exact(TILE as usize)) {
+        for (y, first) in rows.clone().zip((0..).step_by(TILE as usize)) {
             let Some(row) = self.row((y - first_row) as usize, &columns) else { continue };
             let pixels = row.as_chunks_mut::<4>().0;
-            for (pixel, source) in pixels.iter_mut().zip(line) {
+            for (index, pixel) in (first..).zip(pixels) {
+                let source = source.pixel(index);
                 match background {
-                    Background::Color(color) => *pixel = over_color(*source, color),
-                    Background::Existing => *pixel = over_pixel(*source, *pixel),
+                    Background::Color(color) => *pixel = over_color(source, color),
+                    Background::Existing => *pixel = over_pixel(source, *pixel),
                 }
             }
         }

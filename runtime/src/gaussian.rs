@@ -13,26 +13,27 @@ pub struct Ellipsoid<R, const N: usize> {
 }
 
 /// X' = size · R · X + T, with axes σ₀(cos θ, sin θ, 0) and σ₁(−sin θ, cos θ, 0) in the frame.
-#[inline]
+#[inline(always)]
 pub fn disc_on<R: Real>(
     frame: &Frame<R>,
     position: [R; 3],
     angle: R,
     log2_scale: [R; 2],
 ) -> Ellipsoid<R, 2> {
-    let (sin, cos) = angle.sin_cos();
+    let [sin, cos] = angle.line();
     let [first, second] = log2_scale.map(R::exp2);
+    let zero = angle.like(0.0);
     Ellipsoid {
         center: frame.point(position),
         axes: [
-            frame.direction([cos * first, sin * first, R::ZERO]),
-            frame.direction([-(sin * second), cos * second, R::ZERO]),
+            frame.direction([cos * first, sin * first, zero]),
+            frame.direction([-(sin * second), cos * second, zero]),
         ],
     }
 }
 
 /// X' = size · R · X + T, with axes σᵢ · rotation · eᵢ in the frame.
-#[inline]
+#[inline(always)]
 pub fn full_on<R: Real>(
     frame: &Frame<R>,
     position: [R; 3],

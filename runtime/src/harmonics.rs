@@ -1,7 +1,6 @@
 //! Colour by direction: real spherical harmonics up to degree 3, in 3D Gaussian Splatting's order.
 
-use crate::math::Real;
-use crate::select::Harmonics;
+use crate::math::{Real, add, dot, scale, sub};
 
 // √(1/π) times rationals and roots: the normalization of the real harmonics.
 const C1: f32 = 0.488_602_5;
@@ -9,26 +8,40 @@ const C2: [f32; 3] = [1.092_548_4, 0.315_391_57, 0.546_274_2];
 const C3: [f32; 5] = [0.590_043_6, 2.890_611_4, 0.457_045_8, 0.373_176_33, 1.445_305_7];
 
 /// Colour = max(0, constant + Σ coefficient · basis), where `constant` already holds the + 0.5 and
-/// `direction` points from the camera to the Gaussian, of unit length, world axes.
-pub fn color<R: Real>(constant: [f32; 3], harmonics: Harmonics<'_>, direction: [R; 3]) -> [R; 3] {
-    let mut sum = constant.map(R::of);
-    let step = R::of(harmonics.step);
-    for (&codes, weight) in harmonics.codes.as_chunks::<3>().0.iter().zip(basis(direction)) {
-        for (channel, code) in sum.iter_mut().zip(codes) {
-            *channel = *channel + R::of(f32::from(code)) * step * weight;
-        }
+/// `direction` points from the camera to the Gaussian, of unit length, world axes. Coefficients are
+/// (r, g, b) after (r, g, b).
+#[inline(always)]
+pub fn color<R: Real>(
+    constant: [R; 3],
+    coefficients: impl Iterator<Item = [R; 3]>,
+    direction: [R; 3],
+) -> [R; 3] {
+    let mut sum = constant;
+    for (coefficient, weight) in coefficients.zip(basis(direction)) {
+        sum = add(sum, scale(coefficient, weight));
     }
     not_below_zero(sum)
 }
 
+/// Unit vector from `eye` to `center`; zero where they are one.
+#[inline(always)]
+pub fn direction<R: Real>(center: [R; 3], eye: [R; 3]) -> [R; 3] {
+    let ray = sub(center, eye);
+    let length = dot(ray, ray).sqrt();
+    let (zero, one) = (length.like(0.0), length.like(1.0));
+    scale(ray, R::select(zero.below(length), one / length, zero))
+}
+
 /// max(0, colour): what no direction may go below.
+#[inline(always)]
 pub fn not_below_zero<R: Real>(color: [R; 3]) -> [R; 3] {
-    color.map(|channel| channel.at_least(R::ZERO))
+    color.map(|channel| channel.at_least(channel.like(0.0)))
 }
 
 /// The 15 basis functions of degrees 1 to 3.
+#[inline(always)]
 fn basis<R: Real>([x, y, z]: [R; 3]) -> [R; 15] {
-    let c = R::of;
+    let c = |x: f32| z.like(x);
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
         -(c(C1) * y),
@@ -55,7 +68,8 @@ mod tests {
 
     /// Orthonormal over the sphere: the integral of bᵢ bⱼ is 1 where i = j, else 0.
     #[test]
-    fn basis_is_orthonormal() {
+    #[inline(always)]
+fn basis_is_orthonormal() {
         let n = 400;
         let mut gram = [[0.0f64; 15]; 15];
         for i in 0..n {

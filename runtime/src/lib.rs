@@ -30,14 +30,18 @@ pub mod posed;
 pub mod prepare;
 pub mod project;
 pub mod raster;
+pub mod batch;
+pub mod kernel;
+pub mod lanes;
+pub mod screen;
 mod scratch;
 pub mod select;
 pub mod tiles;
 
 pub use camera::Camera;
 pub use dermis_format::Avatar;
-pub use draw::DrawStatistics;
 pub use error::Error;
+pub use kernel::{Kernel, Level};
 pub use framebuffer::{Background, Framebuffer};
 pub use plan::Plan;
 pub use pose::Pose;
@@ -51,8 +55,8 @@ pub struct Statistics {
     pub gaussians_selected: u32,
     /// Those that touch a pixel's bounds.
     pub gaussians_visible: u32,
-    /// Gaussians blended into pixels.
-    pub blends: u64,
+    /// What the pixels took.
+    pub counts: raster::Counts,
 }
 
 /// Words of scratch with which [`render`] never fails for want of memory.
@@ -69,6 +73,7 @@ pub fn render(
     pose: &Pose<'_>,
     plan: &Plan,
     camera: &Camera,
+    kernel: Kernel,
     scratch: &mut [u32],
     framebuffer: &mut Framebuffer<'_>,
 ) -> Result<Statistics, Error> {
@@ -84,12 +89,12 @@ pub fn render(
     let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
     let preparing = Prepared::scratch_len(budget, width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
-    let posed = Posed::new(avatar, pose, posing)?;
+    let posed = Posed::new(avatar, pose, kernel, posing)?;
     let prepared = Prepared::new(&posed, plan, camera, preparing)?;
     let drawn = prepared.draw(drawing, framebuffer)?;
     Ok(Statistics {
         gaussians_selected: prepared.gaussians_selected(),
         gaussians_visible: prepared.splats().len() as u32,
-        blends: drawn.blends,
+        counts: drawn,
     })
 }

@@ -3,18 +3,91 @@
 //! Formulas that the trainer differentiates or the reference renderer repeats in f64 are written
 //! once, over [`Real`]. glam's SIMD-backed types stay out: their bits differ between targets.
 
-use core::ops::{Add, Div, Mul, Neg, Sub};
+use core::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
-/// A floating-point number: f32 (the runtime) or f64 (the reference, and gradient checks).
+/// A real number, or several side by side in the lanes of a vector: what the formulas of the
+/// runtime are written over, once for the scalar kernel (f32), the SIMD kernels (vectors of f32)
+/// and the reference (f64). Every operation acts on each lane by itself, and gives the same bits in
+/// a lane as on one f32.
 pub trait Real:
     Copy
-    + PartialOrd
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
 {
+    /// True or false in each lane.
+    type Mask: Copy
+        + BitAnd<Output = Self::Mask>
+        + BitOr<Output = Self::Mask>
+        + Not<Output = Self::Mask>;
+
+    /// `x` in every lane of a value like this one.
+    fn like(self, x: f32) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// 2ˣ; 0 for x < −126, 2¹²⁷ for x > 127. For f32: relative error at most 3e-7 of either sign.
+    fn exp2(self) -> Self;
+    /// log₂ x for normal x > 0; −127 for all else. For f32: error at most 3e-7 + 1.2e-7 |log₂ x|.
+    fn log2(self) -> Self;
+    /// Sine and cosine of an angle in radians, |angle| < 10⁴, both with the same unspecified sign: the
+    /// direction of a line. For f32: error at most 3e-7 + 2e-8 |angle|.
+    fn line(self) -> [Self; 2];
+    /// Lanes where `self < other`; false where either is NaN.
+    fn below(self, other: Self) -> Self::Mask;
+    /// Lanes where `self ≥ other`; false where either is NaN.
+    fn reaches(self, other: Self) -> Self::Mask;
+    /// `yes` where the mask is true, else `no`.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+
+    /// The smaller one; `other` if either is NaN. (`f32::min` differs between targets.)
+    #[inline(always)]
+    fn at_most(self, other: Self) -> Self {
+        Self::select(self.below(other), self, other)
+    }
+
+    /// The greater one; `other` if either is NaN.
+    #[inline(always)]
+    fn at_least(self, other: Self) -> Self {
+        Self::select(other.below(self), self, other)
+    }
+
+    /// |x|.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::select(self.below(self.like(0.0)), -self, self)
+    }
+
+    /// The nearest integer for |x| < 2²² (of two the even one).
+    #[inline(always)]
+    fn nearest(self) -> Self {
+        let rounder = self.like(ROUNDER);
+        (self + rounder) - rounder
+    }
+
+    /// The least integer not below x, for |x| < 2²².
+    #[inline(always)]
+    fn ceil(self) -> Self {
+        let near = self.nearest();
+        Self::select(near.below(self), near + self.like(1.0), near)
+    }
+
+    /// The greatest integer not above x, for |x| < 2²².
+    #[inline(always)]
+    fn floor(self) -> Self {
+        -(-self).ceil()
+    }
+
+    /// Neither infinite nor NaN.
+    #[inline(always)]
+    fn finite(self) -> Self::Mask {
+        self.abs().below(self.like(f32::INFINITY))
+    }
+}
+
+/// One number: f32, or f64 for the reference and gradient checks.
+pub trait Scalar: Real<Mask = bool> + PartialOrd {
     /// 0.
     const ZERO: Self;
     /// 1.
@@ -23,109 +96,157 @@ pub trait Real:
     fn of(x: f32) -> Self;
     /// Rounded to f32.
     fn to_f32(self) -> f32;
-    /// Square root.
-    fn sqrt(self) -> Self;
-    /// 2ˣ.
-    fn exp2(self) -> Self;
-    /// log₂ x.
-    fn log2(self) -> Self;
-    /// Sine and cosine of an angle in radians.
-    fn sin_cos(self) -> (Self, Self);
-    /// Neither infinite nor NaN.
-    fn is_finite(self) -> bool;
+}
 
-    /// The smaller one; `other` if either is NaN. (`f32::min` differs between targets.)
-    #[inline]
-    fn at_most(self, other: Self) -> Self {
-        if self < other { self } else { other }
+/// f32, one or several: what the polynomials below need beyond [`Real`].
+pub trait Single: Real {
+    /// 2ⁿ for a number n in −126..=127 to which [`ROUNDER`] was added.
+    fn power_of_two(rounded: Self) -> Self;
+    /// m in [√½, √2) and n with x = m · 2ⁿ, for normal x > 0.
+    fn mantissa_and_exponent(self) -> [Self; 2];
+}
+
+impl Real for f32 {
+    type Mask = bool;
+    #[inline(always)]
+    fn like(self, x: f32) -> Self {
+        x
     }
-
-    /// The greater one; `other` if either is NaN.
-    #[inline]
-    fn at_least(self, other: Self) -> Self {
-        if self > other { self } else { other }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        libm::sqrtf(self)
     }
-
-    /// |x|.
-    #[inline]
-    fn abs(self) -> Self {
-        if self < Self::ZERO { -self } else { self }
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        exp2(self)
+    }
+    #[inline(always)]
+    fn log2(self) -> Self {
+        log2(self)
+    }
+    #[inline(always)]
+    fn line(self) -> [Self; 2] {
+        line(self)
+    }
+    #[inline(always)]
+    fn below(self, other: Self) -> bool {
+        self < other
+    }
+    #[inline(always)]
+    fn reaches(self, other: Self) -> bool {
+        self >= other
+    }
+    #[inline(always)]
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
     }
 }
 
-macro_rules! real {
-    ($number:ty, $sqrt:path, $exp2:path, $log2:path, $sincos:path) => {
-        impl Real for $number {
-            const ZERO: Self = 0.0;
-            const ONE: Self = 1.0;
-            #[inline]
-            fn of(x: f32) -> Self {
-                <$number>::from(x)
-            }
-            #[inline]
-            fn to_f32(self) -> f32 {
-                self as f32
-            }
-            #[inline]
-            fn sqrt(self) -> Self {
-                $sqrt(self)
-            }
-            #[inline]
-            fn exp2(self) -> Self {
-                $exp2(self)
-            }
-            #[inline]
-            fn log2(self) -> Self {
-                $log2(self)
-            }
-            #[inline]
-            fn sin_cos(self) -> (Self, Self) {
-                $sincos(self)
-            }
-            #[inline]
-            fn is_finite(self) -> bool {
-                <$number>::is_finite(self)
-            }
-        }
-    };
+impl Scalar for f32 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+    #[inline(always)]
+    fn of(x: f32) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self
+    }
 }
-real!(f32, libm::sqrtf, libm::exp2f, libm::log2f, libm::sincosf);
-real!(f64, libm::sqrt, libm::exp2, libm::log2, libm::sincos);
+
+impl Single for f32 {
+    #[inline(always)]
+    fn power_of_two(rounded: Self) -> Self {
+        Self::from_bits(rounded.to_bits().wrapping_add(127) << 23)
+    }
+    #[inline(always)]
+    fn mantissa_and_exponent(self) -> [Self; 2] {
+        let bits = self.to_bits() as i32;
+        let exponent = bits.wrapping_sub(ROOT_HALF_BITS) >> 23;
+        let mantissa = bits.wrapping_sub(exponent << 23);
+        [Self::from_bits(mantissa as u32), exponent as f32]
+    }
+}
+
+impl Real for f64 {
+    type Mask = bool;
+    fn like(self, x: f32) -> Self {
+        Self::from(x)
+    }
+    fn sqrt(self) -> Self {
+        libm::sqrt(self)
+    }
+    fn nearest(self) -> Self {
+        libm::rint(self)
+    }
+    fn exp2(self) -> Self {
+        libm::exp2(self)
+    }
+    fn log2(self) -> Self {
+        libm::log2(self)
+    }
+    fn line(self) -> [Self; 2] {
+        let (sin, cos) = libm::sincos(self);
+        [sin, cos]
+    }
+    fn below(self, other: Self) -> bool {
+        self < other
+    }
+    fn reaches(self, other: Self) -> bool {
+        self >= other
+    }
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
+    }
+}
+
+impl Scalar for f64 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+    fn of(x: f32) -> Self {
+        Self::from(x)
+    }
+    fn to_f32(self) -> f32 {
+        self as f32
+    }
+}
 
 /// a + b.
-#[inline]
+#[inline(always)]
 pub fn add<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
 /// a − b.
-#[inline]
+#[inline(always)]
 pub fn sub<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// a · s.
-#[inline]
+#[inline(always)]
 pub fn scale<R: Real>(a: [R; 3], s: R) -> [R; 3] {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
 /// Scalar product.
-#[inline]
+#[inline(always)]
 pub fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Vector product.
-#[inline]
+#[inline(always)]
 pub fn cross<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// Rows of the rotation matrix of a quaternion w, x, y, z of any length but 0.
+#[inline(always)]
 pub fn rotation_rows<R: Real>([w, x, y, z]: [R; 4]) -> [[R; 3]; 3] {
-    let two = (R::ONE + R::ONE) / (w * w + x * x + y * y + z * z);
-    let one = R::ONE;
+    let one = w.like(1.0);
+    let two = (one + one) / (w * w + x * x + y * y + z * z);
     [
         [one - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)],
         [two * (x * y + w * z), one - two * (x * x + z * z), two * (y * z - w * x)],
@@ -166,23 +287,67 @@ pub fn transform(m: &Affine, [x, y, z]: [f32; 3]) -> [f32; 3] {
 }
 
 /// 1.5 · 2²³: adding it to |p| < 2²² rounds p to an integer, which the lowest bits then hold.
-const ROUNDER: f32 = 12_582_912.0;
+pub const ROUNDER: f32 = 12_582_912.0;
+/// Bits of √½.
+pub const ROOT_HALF_BITS: i32 = 0x3F35_04F3;
+
+/// c₀ + x (c₁ + x (…)).
+#[inline(always)]
+fn polynomial<R: Real, const N: usize>(x: R, coefficients: [f32; N]) -> R {
+    let mut sum = x.like(0.0);
+    for (i, c) in coefficients.into_iter().rev().enumerate() {
+        sum = if i == 0 { x.like(c) } else { x.like(c) + x * sum };
+    }
+    sum
+}
 
 /// 2ᵖ for p in [−8, 0]: the rasterizer's only exponential.
 ///
 /// p = n + f with n the nearest integer; a polynomial of degree 5 for 2ᶠ on [−½, ½], exactly 1 at
 /// 0; relative error at most 3e-7 of either sign (9.1e-8 by the polynomial, the rest by rounding).
-/// Outside its domain the result is finite for |p| ≤ 120 and meaningless.
-#[inline]
+/// Outside its domain the result is meaningless.
+#[inline(always)]
 #[expect(clippy::approx_constant, reason = "the fitted slope at 0 is near ln 2, and not ln 2")]
-pub fn exp2_of_alpha(p: f32) -> f32 {
-    let rounded = p + ROUNDER;
-    let f = p - (rounded - ROUNDER);
-    let polynomial = 1.0
-        + f * (0.693_147
-            + f * (0.240_222_42 + f * (0.055_507_336 + f * (0.009_671_513 + f * 0.001_326_472_7))));
-    let whole_power = f32::from_bits(rounded.to_bits().wrapping_add(127) << 23);
-    polynomial * whole_power
+pub fn exp2_of_alpha<S: Single>(p: S) -> S {
+    let rounder = p.like(ROUNDER);
+    let rounded = p + rounder;
+    let f = p - (rounded - rounder);
+    let power =
+        polynomial(f, [1.0, 0.693_147, 0.240_222_42, 0.055_507_336, 0.009_671_513, 0.001_326_472_7]);
+    power * S::power_of_two(rounded)
+}
+
+#[inline(always)]
+pub(crate) fn exp2<S: Single>(x: S) -> S {
+    let power = exp2_of_alpha(x.at_most(x.like(127.0)).at_least(x.like(-126.0)));
+    S::select(x.below(x.like(-126.0)), x.like(0.0), power)
+}
+
+/// log₂ m = s Q(s²) with s = (m − 1) / (m + 1), |s| ≤ 0.172 and Q of degree 3: off by 3.5e-10.
+#[inline(always)]
+pub(crate) fn log2<S: Single>(x: S) -> S {
+    let normal = x.reaches(x.like(f32::MIN_POSITIVE)) & x.finite();
+    let [m, n] = S::select(normal, x, x.like(1.0)).mantissa_and_exponent();
+    let one = x.like(1.0);
+    let s = (m - one) / (m + one);
+    let q = polynomial(s * s, [2.885_390_1, 0.961_798_84, 0.576_715_2, 0.431_717_7]);
+    S::select(normal, n + s * q, x.like(-127.0))
+}
+
+/// φ = θ − kπ with k the nearest integer to θ/π; polynomials of degree 9 and 10 on [−π/2, π/2],
+/// off by 7e-9 and 3e-10.
+#[inline(always)]
+pub(crate) fn line<S: Single>(angle: S) -> [S; 2] {
+    use core::f32::consts::FRAC_1_PI;
+    // π in two parts, the first of 16 bits: k · PI_HIGH is exact for |k| < 256.
+    const PI_HIGH: f32 = 3.140_625;
+    const PI_LOW: f32 = 9.676_535_9e-4;
+    let k = (angle * angle.like(FRAC_1_PI)).nearest();
+    let phi = (angle - k * angle.like(PI_HIGH)) - k * angle.like(PI_LOW);
+    let square = phi * phi;
+    let sin = [1.0, -0.166_666_58, 0.008_333_05, -0.000_198_090_17, 2.605_107_6e-6];
+    let cos = [1.0, -0.5, 0.041_666_637, -0.001_388_836, 2.476_01e-5, -2.605_065e-7];
+    [phi * polynomial(square, sin), polynomial(square, cos)]
 }
 
 #[cfg(test)]

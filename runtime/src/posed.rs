@@ -5,6 +5,7 @@ use dermis_format::Avatar;
 
 use crate::error::Error;
 use crate::frame::Frame;
+use crate::kernel::Kernel;
 use crate::math::{Affine, transform};
 use crate::pose::{self, Pose};
 use crate::scratch::{Scratch, words};
@@ -15,6 +16,7 @@ pub struct Posed<'s, 'a> {
     avatar: &'s Avatar<'a>,
     vertices: &'s [[f32; 3]],
     frames: &'s [StoredFrame],
+    kernel: Kernel,
 }
 
 /// A frame in scratch: its axes and origin, all zero where the triangle has none.
@@ -42,6 +44,7 @@ impl<'s, 'a> Posed<'s, 'a> {
     pub fn new(
         avatar: &'s Avatar<'a>,
         pose: &Pose<'_>,
+        kernel: Kernel,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
         let header = avatar.header();
@@ -64,7 +67,7 @@ impl<'s, 'a> Posed<'s, 'a> {
                 avatar.triangle(index).map(corner),
             ));
         }
-        Ok(Self { avatar, vertices, frames })
+        Ok(Self { avatar, vertices, frames, kernel })
     }
 
     /// The avatar.
@@ -77,17 +80,24 @@ impl<'s, 'a> Posed<'s, 'a> {
         self.vertices
     }
 
+    /// The instructions it was made with, which draw it, too.
+    pub fn kernel(&self) -> Kernel {
+        self.kernel
+    }
+
     /// Frame of a triangle; `None` where it has none.
     #[inline]
     pub fn frame(&self, triangle: u32) -> Option<Frame<f32>> {
         self.frames.get(triangle as usize).and_then(|frame| frame.get())
     }
 
-    /// Whether what stands on a triangle can be seen from `eye`: its front faces it, or its back is shown, too.
+    /// Frame of a triangle on which something can be seen from `eye`: its front faces it, or its
+    /// back is shown, too.
     #[inline]
-    pub fn shows(&self, triangle: u32, frame: &Frame<f32>, eye: [f32; 3]) -> bool {
+    pub fn shown_frame(&self, triangle: u32, eye: [f32; 3]) -> Option<Frame<f32>> {
         let two_sided = self.avatar.is_two_sided(triangle as usize);
-        frame.shows(self.avatar.header().frame, two_sided, eye)
+        let kind = self.avatar.header().frame;
+        self.frame(triangle).filter(|frame| frame.shows(kind, two_sided, eye))
     }
 }
 

@@ -1,18 +1,20 @@
 //! A frame before its pixels: the splats of a plan, and how many each tile will draw.
 
-use dermis_format::{Avatar, LowPass};
+use dermis_format::record::GroupRecord;
+use dermis_format::{Avatar, Block, Records};
 
+use crate::batch::{Batch, Codes, Decode, Discs, Fulls, Shape};
 use crate::camera::Camera;
 use crate::error::Error;
 use crate::frame::Frame;
-use crate::gaussian::{Ellipsoid, disc_on, full_on};
-use crate::harmonics;
-use crate::math::{dot, scale, sub};
-use crate::plan::Plan;
+use crate::kernel::Kernel;
+use crate::lanes::MAX_LANES;
+use crate::plan::{Plan, RegionPlan};
 use crate::posed::Posed;
-use crate::project::{Splat, View, project};
+use crate::project::{Splat, View};
+use crate::screen::SplatCamera;
 use crate::scratch::{Scratch, words};
-use crate::select::{self, Harmonics, Local, Selected};
+use crate::select::{Harmonics, Place, for_each_block, for_each_of_block};
 use crate::tiles::{TileGrid, count_tiles};
 
 /// Greatest width and height of a frame, px.
@@ -24,6 +26,7 @@ pub struct Prepared<'s> {
     pub(crate) splats: &'s [Splat],
     pub(crate) tile_counts: &'s [u32],
     pub(crate) grid: TileGrid,
+    pub(crate) kernel: Kernel,
     selected: u32,
 }
 
@@ -44,7 +47,6 @@ impl<'s> Prepared<'s> {
     ) -> Result<Self, Error> {
         let (width, height) = (camera.width, camera.height);
         check(posed.avatar(), plan, camera)?;
-        let avatar = posed.avatar();
         let grid = TileGrid::new(width, height);
         let mut scratch =
             Scratch::new(scratch, Self::scratch_len(plan.gaussians(), width, height))?;
@@ -52,22 +54,19 @@ impl<'s> Prepared<'s> {
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let camera = SplatCamera {
             view: View::new(camera),
-            low_pass: avatar.header().low_pass,
-            width,
-            height,
+            low_pass: posed.avatar().header().low_pass,
         };
         let mut filled = 0;
-        for_each_visible(posed, plan, camera.view.eye, |selected, frame| {
-            if let (Some(splat), Some(slot)) =
-                (camera.splat(selected, frame), slots.get_mut(filled))
-            {
-                *slot = splat;
-                filled += 1;
-            }
+        for_each_block(posed.avatar(), plan, |block, region, drawn| {
+            let rest = slots.get_mut(filled..).unwrap_or(&mut []);
+            filled += match block.records {
+                Records::Disc(_) => project_block::<Discs>(posed, &camera, block, region, drawn, rest),
+                Records::Full(_) => project_block::<Fulls>(posed, &camera, block, region, drawn, rest),
+            };
         });
         let splats: &[Splat] = slots.get(..filled).unwrap_or(&[]);
         count_tiles(&grid, splats, tile_counts);
-        Ok(Self { splats, tile_counts, grid, selected: plan.gaussians() })
+        Ok(Self { splats, tile_counts, grid, kernel: posed.kernel(), selected: plan.gaussians() })
     }
 
     /// Splats in the order of the file, which breaks ties of depth.
@@ -96,84 +95,78 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     Ok(())
 }
 
-/// Calls `visit` with each Gaussian of the plan whose triangle has a frame and can be seen from `eye`.
-pub fn for_each_visible<'a>(
-    posed: &Posed<'_, 'a>,
-    plan: &Plan,
-    eye: [f32; 3],
-    mut visit: impl FnMut(&Selected<'a>, &Frame<f32>),
-) {
-    let mut last = None;
-    let mut frame = Some(Frame::world());
-    select::for_each(posed.avatar(), plan, |selected| {
-        // Gaussians of a block stand by triangle, so a frame is looked up once for a run of them.
-        if let Some(triangle) = selected.triangle.filter(|_| last != selected.triangle) {
-            last = Some(triangle);
-            frame = posed.frame(triangle).filter(|frame| posed.shows(triangle, frame, eye));
+/// Fills `slots` with the splats of a block's Gaussians that can be seen; returns how many.
+fn project_block<G: Shape>(
+    posed: &Posed<'_, '_>,
+    camera: &SplatCamera,
+    block: &Block<'_>,
+    region: &RegionPlan,
+    drawn: u32,
+    slots: &mut [Splat],
+) -> usize {
+    let mut filled = 0;
+    let mut gathered = Gathered::<G>::new();
+    let mut flush = |gathered: &mut Gathered<'_, G>| {
+        gathered.project(posed.kernel(), camera, |splat| {
+            if let Some(slot) = slots.get_mut(filled) {
+                *slot = splat;
+                filled += 1;
+            }
+        });
+    };
+    let frame_of = |triangle| posed.shown_frame(triangle, camera.view.eye);
+    for_each_of_block(block, region, drawn, frame_of, |place, frame| {
+        if !gathered.takes(&place) {
+            flush(&mut gathered);
         }
-        if let Some(frame) = &frame {
-            visit(&selected, frame);
-        }
+        gathered.push(&place, frame);
     });
+    flush(&mut gathered);
+    filled
 }
 
-/// What turns a Gaussian on a frame into a splat.
-#[derive(Clone, Copy, Debug)]
-pub struct SplatCamera {
-    /// The camera.
-    pub view: View<f32>,
-    /// How its low-pass acts.
-    pub low_pass: LowPass,
-    /// Pixels in a row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
+/// Gaussians of one group, on their way from the file to the screen.
+struct Gathered<'a, G> {
+    batch: Batch<G>,
+    codes: Codes,
+    harmonics: [Harmonics<'a>; MAX_LANES],
+    ranges: Option<(&'a GroupRecord, f32)>,
 }
 
-impl SplatCamera {
-    /// The splat of a Gaussian on its frame; `None` if it touches no pixel.
-    #[inline]
-    pub fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
-        match &selected.gaussian {
-            Local::Disc(disc) => {
-                let color = harmonics::not_below_zero(disc.color);
-                let ellipsoid = disc_on(frame, disc.position, disc.angle, disc.log2_scale);
-                self.pack(&ellipsoid, disc.opacity, color)
-            }
-            Local::Full(full) => {
-                let ellipsoid = full_on(frame, full.position, full.rotation, full.log2_scale);
-                let color =
-                    view_color(full.color, selected.harmonics, ellipsoid.center, self.view.eye);
-                self.pack(&ellipsoid, full.opacity, color)
-            }
+impl<'a, G: Shape> Gathered<'a, G> {
+    fn new() -> Self {
+        Self {
+            batch: Batch::default(),
+            codes: Codes::default(),
+            harmonics: [Harmonics::default(); MAX_LANES],
+            ranges: None,
         }
     }
 
-    /// The splat of a Gaussian in the world.
-    #[inline]
-    pub fn pack<const N: usize>(
-        &self,
-        ellipsoid: &Ellipsoid<f32, N>,
-        opacity: f32,
-        color: [f32; 3],
-    ) -> Option<Splat> {
-        let projected = project(&self.view, self.low_pass, ellipsoid)?;
-        Splat::pack(&projected, opacity, color, self.width, self.height)
+    /// Whether there is room, and the place has the ranges of those that are here.
+    #[inline(always)]
+    fn takes(&self, place: &Place<'a, '_>) -> bool {
+        let same = self.ranges.is_none_or(|(group, _)| core::ptr::eq(group, place.group));
+        self.batch.len < MAX_LANES && same
     }
-}
 
-/// Colour seen from `eye`; harmonics look along the ray from the eye, in world axes.
-fn view_color(
-    constant: [f32; 3],
-    harmonics: Harmonics<'_>,
-    center: [f32; 3],
-    eye: [f32; 3],
-) -> [f32; 3] {
-    if harmonics.codes.is_empty() {
-        return harmonics::not_below_zero(constant);
+    #[inline(always)]
+    fn push(&mut self, place: &Place<'a, '_>, frame: &Frame<f32>) {
+        let lane = self.batch.len % MAX_LANES;
+        self.ranges = Some((place.group, place.log2_factor));
+        self.batch.set_frame(lane, frame);
+        self.batch.opacity[lane] = place.opacity;
+        self.harmonics[lane] = place.harmonics();
+        G::gather(place, lane, &mut self.codes);
+        self.batch.len = lane + 1;
     }
-    let ray = sub(center, eye);
-    let length = libm::sqrtf(dot(ray, ray));
-    let direction = if length > 0.0 { scale(ray, 1.0 / length) } else { [0.0; 3] };
-    harmonics::color(constant, harmonics, direction)
+
+    /// Projects what is here, and empties it.
+    fn project(&mut self, kernel: Kernel, camera: &SplatCamera, mut visit: impl FnMut(Splat)) {
+        let Some((group, log2_factor)) = self.ranges.take() else { return };
+        kernel.run(Decode { batch: &mut self.batch, codes: &self.codes, group, log2_factor });
+        let harmonics = if self.harmonics[0].codes.is_empty() { &[] } else { &self.harmonics[..] };
+        camera.splats(kernel, &self.batch, harmonics, |_, splat| visit(splat));
+        self.batch.len = 0;
+    }
 }

@@ -5,7 +5,7 @@ use dermis_format::LowPass;
 
 use crate::camera::Camera;
 use crate::gaussian::Ellipsoid;
-use crate::math::{Real, dot};
+use crate::math::{Real, Scalar, dot};
 
 /// Gaussians whose centre is nearer than this are not drawn, metres.
 pub const NEAR: f32 = 0.01;
@@ -29,9 +29,11 @@ pub struct View<R> {
     center: [R; 2],
     /// Greatest |x / z| and |y / z| of the Jacobian.
     limit: [R; 2],
+    /// Width and height, px.
+    size: [R; 2],
 }
 
-impl<R: Real> View<R> {
+impl<R: Scalar> View<R> {
     /// Of a camera.
     pub fn new(camera: &Camera) -> Self {
         let half = |pixels: u32, focal: f32| {
@@ -43,15 +45,33 @@ impl<R: Real> View<R> {
             focal: [R::of(camera.fx), R::of(camera.fy)],
             center: [R::of(camera.cx), R::of(camera.cy)],
             limit: [half(camera.width, camera.fx), half(camera.height, camera.fy)],
+            size: [R::of(camera.width as f32), R::of(camera.height as f32)],
+        }
+    }
+}
+
+impl<R: Real> View<R> {
+    /// The same camera in other numbers.
+    #[inline(always)]
+    pub fn map<T>(&self, to: impl Fn(R) -> T) -> View<T> {
+        View {
+            rows: self.rows.map(|row| row.map(&to)),
+            eye: self.eye.map(&to),
+            focal: self.focal.map(&to),
+            center: self.center.map(&to),
+            limit: self.limit.map(&to),
+            size: self.size.map(&to),
         }
     }
 
     /// A world point in camera axes.
+    #[inline(always)]
     pub fn point(&self, p: [R; 3]) -> [R; 3] {
         self.rows.map(|[x, y, z, t]| dot([x, y, z], p) + t)
     }
 
     /// A world direction in camera axes.
+    #[inline(always)]
     pub fn direction(&self, d: [R; 3]) -> [R; 3] {
         self.rows.map(|[x, y, z, _]| dot([x, y, z], d))
     }
@@ -66,17 +86,11 @@ impl<R: Real> View<R> {
         self.focal
     }
 
-    /// Slopes x/z and y/z at which the Jacobian is taken, and whether each is clamped.
-    pub fn slopes(&self, [x, y, z]: [R; 3]) -> [(R, bool); 2] {
-        let clamp = |slope: R, limit: R| {
-            if slope > limit {
-                (limit, true)
-            } else if slope < -limit {
-                (-limit, true)
-            } else {
-                (slope, false)
-            }
-        };
+    /// Slopes x/z and y/z at which the Jacobian is taken: no further out than
+    /// [`JACOBIAN_LIMIT`] times the half width of the view.
+    #[inline(always)]
+    pub fn slopes(&self, [x, y, z]: [R; 3]) -> [R; 2] {
+        let clamp = |slope: R, limit: R| slope.at_most(limit).at_least(-limit);
         [clamp(x / z, self.limit[0]), clamp(y / z, self.limit[1])]
     }
 }
@@ -97,29 +111,29 @@ pub struct Projected<R> {
     pub depth: R,
 }
 
-/// Projects a Gaussian. `None` if its centre is nearer than [`NEAR`] or a number is not finite.
+/// Projects Gaussians, and says which can be drawn: not those whose centre is nearer than
+/// [`NEAR`], nor where a number is not finite.
 ///
 /// With bᵢ = J W aᵢ (2-vectors) Σ' = Σ bᵢbᵢᵀ and, by Cauchy and Binet, det Σ' = Σ (bᵢ × bⱼ)² over
 /// pairs, a sum of squares: no cancellation, however thin the Gaussian. So is
 /// det(Σ' + h I) = det Σ' + h tr Σ' + h². The quadratic form is kept as a sum of two squares for the
 /// same reason: far from the centre of a long needle the terms of a dx² + b dx dy + c dy² are
 /// millions and cancel.
+#[inline(always)]
 pub fn project<R: Real, const N: usize>(
     view: &View<R>,
     low_pass: LowPass,
     gaussian: &Ellipsoid<R, N>,
-) -> Option<Projected<R>> {
+) -> (Projected<R>, R::Mask) {
     let p @ [x, y, z] = view.point(gaussian.center);
-    if !(z >= R::of(NEAR)) {
-        return None;
-    }
-    let [(sx, _), (sy, _)] = view.slopes(p);
+    let (zero, one) = (z.like(0.0), z.like(1.0));
+    let [sx, sy] = view.slopes(p);
     let (jx, jy) = (view.focal[0] / z, view.focal[1] / z);
     let b: [[R; 2]; N] = gaussian.axes.map(|axis| {
         let [ax, ay, az] = view.direction(axis);
         [jx * (ax - sx * az), jy * (ay - sy * az)]
     });
-    let (mut xx, mut xy, mut yy, mut det) = (R::ZERO, R::ZERO, R::ZERO, R::ZERO);
+    let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
     for (i, &[u, v]) in b.iter().enumerate() {
         xx = xx + u * u;
         xy = xy + u * v;
@@ -129,17 +143,19 @@ pub fn project<R: Real, const N: usize>(
             det = det + area * area;
         }
     }
-    let h = R::of(LOW_PASS);
+    let h = z.like(LOW_PASS);
     let filtered = det + h * (xx + yy) + h * h;
     let compensation = match low_pass {
         LowPass::Compensated => (det / filtered).sqrt(),
-        LowPass::Classic => R::ONE,
+        LowPass::Classic => one,
     };
-    let inverse = R::ONE / filtered;
+    let inverse = one / filtered;
     let (xx, yy) = (xx + h, yy + h);
-    let half_log2_e = R::of(HALF_LOG2_E);
+    let half_log2_e = z.like(HALF_LOG2_E);
     let a = (half_log2_e * yy * inverse).sqrt();
     let mean = [view.focal[0] * (x / z) + view.center[0], view.focal[1] * (y / z) + view.center[1]];
+    let sum = mean[0] + mean[1] + xx + yy + filtered + z;
+    let drawable = z.reaches(z.like(NEAR)) & sum.finite() & zero.below(inverse);
     let projected = Projected {
         mean,
         covariance: [xx, xy, yy],
@@ -147,8 +163,40 @@ pub fn project<R: Real, const N: usize>(
         compensation,
         depth: z,
     };
-    let sum = mean[0] + mean[1] + xx + yy + filtered + z;
-    (sum.is_finite() && inverse > R::ZERO).then_some(projected)
+    (projected, drawable)
+}
+
+/// Where projected Gaussians are seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Footprint<R> {
+    /// log₂ of opacity after compensation.
+    pub log2_opacity: R,
+    /// First column and row of the pixels that may be touched, then one past the last ones.
+    pub bounds: [R; 4],
+}
+
+/// Which pixels projected Gaussians may touch, and which of them touch any.
+#[inline(always)]
+pub fn footprint<R: Real>(
+    view: &View<R>,
+    p: &Projected<R>,
+    opacity: R,
+) -> (Footprint<R>, R::Mask) {
+    let constant = |x: f32| opacity.like(x);
+    let zero = constant(0.0);
+    let log2_opacity = (opacity * p.compensation).log2();
+    let reach = log2_opacity - constant(LEAST_LOG2_ALPHA);
+    // α ≥ 1/255 where q/2 · log₂ e ≤ reach. A little more, so that rounding loses no pixel.
+    let radius2 = reach * constant(1.0 / HALF_LOG2_E);
+    let axis = |mean: R, variance: R, len: R| {
+        let half = (radius2 * variance).sqrt() * constant(1.0001) + constant(0.51);
+        let clamp = |x: R| x.at_least(zero).at_most(len);
+        [clamp(mean - half).ceil(), clamp(mean + half).floor()]
+    };
+    let [x0, x1] = axis(p.mean[0], p.covariance[0], view.size[0]);
+    let [y0, y1] = axis(p.mean[1], p.covariance[2], view.size[1]);
+    let touches = reach.reaches(zero) & x0.below(x1) & y0.below(y1);
+    (Footprint { log2_opacity, bounds: [x0, y0, x1, y1] }, touches)
 }
 
 /// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha
@@ -171,40 +219,21 @@ pub struct Splat {
 }
 
 impl Splat {
-    /// Packs a projected Gaussian; `None` if it touches no pixel of a `width × height` frame.
+    /// Packs a projected Gaussian; `None` if it touches no pixel.
     pub fn pack(
+        view: &View<f32>,
         p: &Projected<f32>,
         opacity: f32,
         color: [f32; 3],
-        width: u32,
-        height: u32,
     ) -> Option<Self> {
-        let log2_opacity = (opacity * p.compensation).log2();
-        let reach = log2_opacity - LEAST_LOG2_ALPHA;
-        if !(reach >= 0.0) {
-            return None;
-        }
-        // α ≥ 1/255 where q/2 · log₂ e ≤ reach. A little more, so that rounding loses no pixel.
-        let radius2 = reach / HALF_LOG2_E;
-        let half = |variance: f32| (radius2 * variance).sqrt() * 1.0001 + 0.01;
-        let (x0, x1) = pixels(p.mean[0], half(p.covariance[0]), width);
-        let (y0, y1) = pixels(p.mean[1], half(p.covariance[2]), height);
-        if x0 >= x1 || y0 >= y1 {
-            return None;
-        }
-        Some(Self {
+        let (footprint, touches) = footprint(view, p, opacity);
+        touches.then_some(Self {
             mean: p.mean,
             falloff: p.falloff,
-            log2_opacity,
+            log2_opacity: footprint.log2_opacity,
             color,
             depth: p.depth,
-            bounds: [x0, y0, x1, y1],
+            bounds: footprint.bounds.map(|edge| edge as i32 as u16),
         })
     }
-}
-
-/// First pixel whose centre is within `half` of `mean`, and one past the last, within 0..len.
-fn pixels(mean: f32, half: f32, len: u32) -> (u16, u16) {
-    let clamp = |x: f32| x.at_least(0.0).at_most(len as f32) as u16;
-    (clamp(libm::ceilf(mean - half - 0.5)), clamp(libm::floorf(mean + half + 0.5)))
 }

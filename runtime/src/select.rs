@@ -1,18 +1,37 @@
 //! Walks the Gaussians of a plan, in the order of the file.
 
-use dermis_format::{Avatar, Block, Disc, FrameKind, Full, Records, order};
+use dermis_format::quant::opacity_value;
+use dermis_format::record::GroupRecord;
+use dermis_format::{Avatar, Block, Disc, Full, Records, order};
 
+use crate::frame::Frame;
+use crate::math::Scalar;
 use crate::plan::{Plan, RegionPlan};
 
 /// Gaussians of less opacity are not in a level's occupancy (LapisGS, 3.1).
 pub const LEAST_OPACITY: f32 = 0.005;
 
+/// Where a Gaussian of the plan stands in the file.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a, 'b> {
+    /// Its block.
+    pub block: &'b Block<'a>,
+    /// Its ranges.
+    pub group: &'a GroupRecord,
+    /// Its index in the block.
+    pub index: usize,
+    /// Its triangle; none without a mesh.
+    pub triangle: Option<u32>,
+    /// At the plan's level; at least [`LEAST_OPACITY`].
+    pub opacity: f32,
+    /// Added to log₂ of its scales.
+    pub log2_factor: f32,
+}
+
 /// A Gaussian of the plan, its scales and opacity those of the plan's level.
 #[derive(Clone, Copy, Debug)]
 pub struct Selected<'a> {
-    /// Its triangle; none without a mesh.
-    pub triangle: Option<u32>,
-    /// In the frame of that triangle.
+    /// In the frame of its triangle.
     pub gaussian: Local,
     /// Its harmonics beyond the constant term; empty at degree 0.
     pub harmonics: Harmonics<'a>,
@@ -36,72 +55,80 @@ pub struct Harmonics<'a> {
     pub step: f32,
 }
 
-/// Calls `visit` for each Gaussian of the plan.
-pub fn for_each<'a>(avatar: &Avatar<'a>, plan: &Plan, mut visit: impl FnMut(Selected<'a>)) {
-    let meshless = avatar.header().frame == FrameKind::World;
-    let coefficients = avatar.header().harmonics() * 3;
+impl Harmonics<'_> {
+    /// (r, g, b) of one coefficient after the other.
+    pub fn values<R: Scalar + 'static>(&self) -> impl Iterator<Item = [R; 3]> + '_ {
+        let step = R::of(self.step);
+        self.codes.as_chunks::<3>().0.iter().map(move |codes| {
+            codes.map(|code| R::of(f32::from(code)) * step)
+        })
+    }
+}
+
+/// Calls `visit` for each block of the file that the plan draws from, and how many of its Gaussians:
+/// those of lower rank.
+pub fn for_each_block<'a>(
+    avatar: &Avatar<'a>,
+    plan: &Plan,
+    mut visit: impl FnMut(&Block<'a>, &RegionPlan, u32),
+) {
     for block in avatar.blocks() {
         let Some(region) = plan.regions().get(usize::from(block.region)) else { continue };
         let drawn = region.count.saturating_sub(block.first).min(block.count);
-        if drawn == 0 {
-            continue;
+        if drawn > 0 {
+            visit(&block, region, drawn);
         }
-        for_each_of_block(&block, region, drawn, coefficients, meshless, &mut visit);
     }
 }
 
-fn for_each_of_block<'a>(
-    block: &Block<'a>,
+/// Calls `visit` with the Gaussians of a block that are drawn and whose triangle has a frame, which
+/// is asked for once for each run of Gaussians on one triangle.
+#[inline(always)]
+pub fn for_each_of_block<'a, 'b>(
+    block: &'b Block<'a>,
     region: &RegionPlan,
     drawn: u32,
-    coefficients: usize,
-    meshless: bool,
-    visit: &mut impl FnMut(Selected<'a>),
+    frame_of: impl Fn(u32) -> Option<Frame<f32>>,
+    mut visit: impl FnMut(Place<'a, 'b>, &Frame<f32>),
 ) {
-    let mut place = 0usize;
+    let whole = drawn >= block.count;
+    let mut start = 0usize;
     for group in block.groups {
-        for _ in 0..=group.count_less_one {
-            let index = place;
-            place += 1;
-            if drawn < block.count && order::rank(index as u32, block.count) >= drawn {
+        let base = group.base_triangle.get();
+        let len = usize::from(group.count_less_one) + 1;
+        let triangles = block.triangles.get(start..start + len).unwrap_or(&[]);
+        let (mut last, mut frame) = (None, Some(Frame::world()));
+        for at in 0..len {
+            let index = start + at;
+            if let triangle @ Some(relative) = triangles.get(at)
+                && triangle != last
+            {
+                last = triangle;
+                frame = frame_of(base + u32::from(relative.get()));
+            }
+            let Some(frame) = &frame else { continue };
+            if !whole && order::rank(index as u32, block.count) >= drawn {
                 continue;
             }
-            let Some(mut gaussian) = decode(block, group, index) else { continue };
-            let opacity = gaussian.opacity_mut();
-            *opacity = opacity_at(block, index, *opacity, region);
-            if *opacity < LEAST_OPACITY {
-                continue;
+            let opacity = opacity_at(block, index, region);
+            if opacity >= LEAST_OPACITY {
+                let triangle = last.map(|relative| base + u32::from(relative.get()));
+                let log2_factor = region.log2_scale;
+                visit(Place { block, group, index, triangle, opacity, log2_factor }, frame);
             }
-            gaussian.widen(region.log2_scale);
-            let base = group.base_triangle.get();
-            let relative = block.triangles.get(index).map_or(0, |t| u32::from(t.get()));
-            let codes = block.harmonics.get(index * coefficients..(index + 1) * coefficients);
-            visit(Selected {
-                triangle: (!meshless).then_some(base + relative),
-                gaussian,
-                harmonics: Harmonics {
-                    codes: codes.unwrap_or(&[]),
-                    step: group.harmonics_step.get(),
-                },
-            });
         }
-    }
-}
-
-fn decode(
-    block: &Block<'_>,
-    group: &dermis_format::record::GroupRecord,
-    index: usize,
-) -> Option<Local> {
-    match block.records {
-        Records::Disc(discs) => discs.get(index).map(|record| Local::Disc(group.disc(record))),
-        Records::Full(fulls) => fulls.get(index).map(|record| Local::Full(group.full(record))),
+        start += len;
     }
 }
 
 /// Opacity at level λ = i + t: (1 − t) · o[i] + t · o[i + 1] for a Gaussian of layer m ≤ i, its own
 /// opacity o[m] for an arriving one (LapisGS, 3.2).
-fn opacity_at(block: &Block<'_>, index: usize, own: f32, region: &RegionPlan) -> f32 {
+#[inline]
+fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan) -> f32 {
+    let own = opacity_value(match block.records {
+        Records::Disc(discs) => discs.get(index).map_or(0, |disc| disc.opacity),
+        Records::Full(fulls) => fulls.get(index).map_or(0, |full| full.opacity),
+    });
     let age = region.level - i32::from(block.layer);
     if block.later_levels == 0 || age < 0 {
         return own;
@@ -112,24 +139,37 @@ fn opacity_at(block: &Block<'_>, index: usize, own: f32, region: &RegionPlan) ->
         .unwrap_or(&[]);
     let at = |age: usize| {
         let code = age.checked_sub(1).and_then(|level| later.get(level));
-        code.map_or(own, |&code| dermis_format::quant::opacity_value(code))
+        code.map_or(own, |&code| opacity_value(code))
     };
     let now = at(age as usize);
     if region.fraction > 0.0 { now + region.fraction * (at(age as usize + 1) - now) } else { now }
 }
 
-impl Local {
-    fn opacity_mut(&mut self) -> &mut f32 {
-        match self {
-            Self::Disc(disc) => &mut disc.opacity,
-            Self::Full(full) => &mut full.opacity,
-        }
+impl<'a> Place<'a, '_> {
+    /// The Gaussian, decoded.
+    pub fn decode(&self) -> Option<Selected<'a>> {
+        let gaussian = match self.block.records {
+            Records::Disc(discs) => {
+                let mut disc = self.group.disc(discs.get(self.index)?);
+                disc.opacity = self.opacity;
+                disc.log2_scale.iter_mut().for_each(|scale| *scale += self.log2_factor);
+                Local::Disc(disc)
+            }
+            Records::Full(fulls) => {
+                let mut full = self.group.full(fulls.get(self.index)?);
+                full.opacity = self.opacity;
+                full.log2_scale.iter_mut().for_each(|scale| *scale += self.log2_factor);
+                Local::Full(full)
+            }
+        };
+        Some(Selected { gaussian, harmonics: self.harmonics() })
     }
 
-    fn widen(&mut self, log2_factor: f32) {
-        match self {
-            Self::Disc(disc) => disc.log2_scale.iter_mut().for_each(|s| *s += log2_factor),
-            Self::Full(full) => full.log2_scale.iter_mut().for_each(|s| *s += log2_factor),
-        }
+    /// Its harmonics.
+    #[inline]
+    pub fn harmonics(&self) -> Harmonics<'a> {
+        let len = self.block.harmonics.len() / (self.block.count as usize).max(1);
+        let codes = self.block.harmonics.get(self.index * len..(self.index + 1) * len);
+        Harmonics { codes: codes.unwrap_or(&[]), step: self.group.harmonics_step.get() }
     }
 }

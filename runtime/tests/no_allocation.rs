@@ -122,7 +122,7 @@ fn least_allocations(source: &Source, pose: &Pose<'_>) -> usize {
         let statistics =
             render(&avatar, pose, &plan, &camera, &mut scratch, &mut framebuffer).unwrap();
         assert_eq!(statistics.gaussians_selected, 400);
-        assert!(statistics.blends > 1000);
+        assert!(statistics.counts.blends > 1000);
         ALLOCATOR.stats().allocations - before
     });
     runs.min().unwrap_or(usize::MAX)

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use anyhow::Result;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Plan, Pose, Posed, Prepared, Statistics, render,
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics, render,
     scratch_len,
 };
 use serde::Serialize;
@@ -48,7 +48,8 @@ pub fn draw(
     let mut scratch = vec![0; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
     let mut rgba = vec![0; camera.width as usize * camera.height as usize * 4];
     let mut framebuffer = framebuffer(&mut rgba, camera.width, background);
-    let statistics = render(avatar, pose, plan, camera, &mut scratch, &mut framebuffer)?;
+    let kernel = Kernel::detect();
+    let statistics = render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer)?;
     Ok(Drawn { rgba, statistics, scratch_bytes: scratch.len() * 4 })
 }
 
@@ -58,13 +59,14 @@ pub fn draw_timed(
     avatar: &Avatar<'_>,
     pose: &Pose<'_>,
     plan: impl FnOnce() -> Plan,
+    kernel: Kernel,
     camera: &Camera,
     background: [f32; 3],
 ) -> Result<(Drawn, Plan, Milliseconds)> {
     let (width, height) = (camera.width, camera.height);
     let mut posing = vec![0; Posed::scratch_len(avatar)];
     let mut clock = Clock::start();
-    let posed = Posed::new(avatar, pose, &mut posing)?;
+    let posed = Posed::new(avatar, pose, kernel, &mut posing)?;
     let pose_time = clock.lap();
     let plan = plan();
     let select = clock.lap();
@@ -83,7 +85,7 @@ pub fn draw_timed(
     let statistics = Statistics {
         gaussians_selected: prepared.gaussians_selected(),
         gaussians_visible: prepared.splats().len() as u32,
-        blends: drawn.blends,
+        counts: drawn,
     };
     let scratch_bytes = 4 * scratch_len(avatar, budget, width, height);
     let ms = Milliseconds { pose: pose_time, select, project, sort, raster, total };

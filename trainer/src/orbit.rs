@@ -1,7 +1,7 @@
 //! A camera that circles an avatar.
 
 use anyhow::Result;
-use dermis_runtime::{Avatar, Camera, Pose, Posed};
+use dermis_runtime::{Avatar, Camera, Kernel, Pose, Posed};
 use glam::Vec3;
 
 use crate::scene::{Bounds, RigScale, camera_towards};
@@ -27,7 +27,7 @@ impl Orbit {
         height: u32,
     ) -> Result<Camera> {
         let mut scratch = vec![0; Posed::scratch_len(avatar)];
-        let posed = Posed::new(avatar, pose, &mut scratch)?;
+        let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
         let vertices: Vec<Vec3> = posed.vertices().iter().copied().map(Vec3::from).collect();
         let corners = [avatar.header().box_min, avatar.header().box_max].map(Vec3::from);
         let bounds = Bounds::of(if vertices.is_empty() { &corners } else { &vertices });

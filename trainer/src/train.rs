@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 use dermis_format::source::{Mathematics, Source};
 use dermis_format::{Avatar, ScaleLaw};
-use dermis_runtime::{Pose, Posed};
+use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use crate::embed::hierarchy::Hierarchy;
@@ -136,7 +136,7 @@ impl<'a> Workshop<'a> {
             .map(|frame| stage(&avatar, &runtime_pose(frame), two_sided.clone()));
         let stages = stages.collect::<Result<Vec<_>>>()?;
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
-        let rest = Posed::new(&avatar, &Pose::Rest, &mut scratch)?;
+        let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
         let corners = source.mesh.triangles.clone();
         let surface = Surface::new(rest.vertices(), &corners);
         let is_seen = |count: &SideCount| count.front + count.back > 0;
@@ -222,7 +222,7 @@ pub fn runtime_pose(frame: &KeyFrame) -> Pose<'static> {
 
 fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>, two_sided: Arc<[bool]>) -> Result<Stage> {
     let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    let posed = Posed::new(avatar, pose, &mut scratch)?;
+    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
     let frames = (0..avatar.header().triangles).map(|triangle| posed.frame(triangle)).collect();
     Ok(Stage { frames, two_sided })
 }

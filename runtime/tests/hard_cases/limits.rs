@@ -55,7 +55,7 @@ fn frames_of_every_shape_are_drawn() {
         let picture = whole(&avatar, &camera);
         assert_eq!(picture.pixels.len(), (width * height * 4) as usize);
         assert!(picture.pixels.chunks_exact(4).all(|pixel| pixel[3] == 255), "{width}×{height}");
-        assert!(picture.statistics.blends > 0, "{width}×{height}");
+        assert!(picture.statistics.counts.blends > 0, "{width}×{height}");
     }
 }
 
@@ -153,7 +153,7 @@ fn bands_make_the_whole_frame() {
             pixels.extend(band);
         }
         assert_eq!(pixels, expected.pixels, "{cuts:?}");
-        assert_eq!(blends, expected.statistics.blends);
+        assert_eq!(blends, expected.statistics.counts.blends);
     }
     // Rows beyond the frame, and none, draw nothing.
     let mut none = Framebuffer { pixels: &mut [], stride: 97 * 4, background };

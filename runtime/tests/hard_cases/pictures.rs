@@ -152,7 +152,7 @@ fn a_pixel_stops_when_it_is_opaque() {
     let camera = camera(1, 1, 8.0, 1.0);
     for (count, blends) in [(1, 1), (2, 2), (3, 2), (9, 2)] {
         let picture = Picture::of_all(&sheet(&vec![DOT; count]), &camera);
-        assert_eq!(picture.statistics.blends, blends, "{count} discs");
+        assert_eq!(picture.statistics.counts.blends, blends, "{count} discs");
         assert_eq!(picture.statistics.gaussians_visible, count as u32);
     }
 }

@@ -50,7 +50,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
     level: Option<f32>,
     /// Which arithmetic draws.
-    #[arg(long, value_enum, default_value_t = Kernel::Scalar)]
+    #[arg(long, value_enum, default_value_t = Kernel::Simd)]
     kernel: Kernel,
 }
 
@@ -59,6 +59,8 @@ pub(crate) struct Arguments {
 enum Kernel {
     /// The runtime's specification.
     Scalar,
+    /// Vectors as wide as this CPU has them; the same picture.
+    Simd,
     /// f64, with the runtime's discrete decisions.
     Reference,
 }
@@ -112,7 +114,11 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
         (None, Some(level)) => Plan::at_level(avatar, level),
         (None, None) => Plan::with_budget(avatar, u32::MAX),
     };
-    let (mut drawn, plan, ms) = draw_timed(avatar, &pose, plan, &shot.camera, shot.background)?;
+    let kernel = match arguments.kernel {
+        Kernel::Scalar => dermis_runtime::Kernel::Scalar,
+        Kernel::Simd | Kernel::Reference => dermis_runtime::Kernel::detect(),
+    };
+    let (mut drawn, plan, ms) = draw_timed(avatar, &pose, plan, kernel, &shot.camera, shot.background)?;
     if arguments.kernel == Kernel::Reference {
         let exact = draw_reference(avatar, &pose, &plan, &shot.camera, shot.background)?;
         let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
@@ -122,10 +128,10 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
     let report = Report {
         gaussians_selected: drawn.statistics.gaussians_selected,
         gaussians_visible: drawn.statistics.gaussians_visible,
-        blends: drawn.statistics.blends,
+        blends: drawn.statistics.counts.blends,
         scratch_bytes: drawn.scratch_bytes,
         level: plan.level(avatar),
-        ms: (arguments.kernel == Kernel::Scalar).then_some(ms),
+        ms: (arguments.kernel != Kernel::Reference).then_some(ms),
         frame_crc32: crc32fast::hash(&drawn.rgba),
     };
     Ok((report, output::png(&drawn.rgba, shot.camera.width, shot.camera.height)?))

@@ -9,15 +9,15 @@ use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::harmonics;
-use dermis_runtime::math::{Real, dot, scale, sub};
-use dermis_runtime::prepare::{SplatCamera, for_each_visible};
+use dermis_runtime::math::Real;
 use dermis_runtime::project::{Splat, View, project};
 use dermis_runtime::raster::{
     CLEAR, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha,
 };
-use dermis_runtime::select::{Local, Selected};
+use dermis_runtime::screen::SplatCamera;
+use dermis_runtime::select::{Local, Selected, for_each_block, for_each_of_block};
 use dermis_runtime::tiles::{Pair, TileGrid};
-use dermis_runtime::{Avatar, Camera, Plan, Pose, Posed, Prepared};
+use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
 /// A splat in f64.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +41,7 @@ pub fn draw_reference(
     let mut posing = vec![0; Posed::scratch_len(avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
-    let posed = Posed::new(avatar, pose, &mut posing)?;
+    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut posing)?;
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
     let exact = exact_splats(&posed, plan, camera);
     let grid = TileGrid::new(width, height);
@@ -55,21 +55,19 @@ pub fn draw_reference(
 
 /// One for each splat that the runtime draws, in the same order.
 fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
-    let avatar = posed.avatar();
-    let low_pass = avatar.header().low_pass;
-    let screen = SplatCamera {
-        view: View::new(camera),
-        low_pass,
-        width: camera.width,
-        height: camera.height,
-    };
+    let low_pass = posed.avatar().header().low_pass;
+    let screen = SplatCamera { view: View::new(camera), low_pass };
     let view = View::<f64>::new(camera);
     let mut exact = Vec::new();
-    for_each_visible(posed, plan, screen.view.eye, |selected, frame| {
-        if screen.splat(selected, frame).is_some() {
-            let frame = exact_frame(posed, selected.triangle);
-            exact.push(exact_splat(&view, low_pass, selected, &frame));
-        }
+    let frame_of = |triangle| posed.shown_frame(triangle, screen.view.eye);
+    for_each_block(posed.avatar(), plan, |block, region, drawn| {
+        for_each_of_block(block, region, drawn, frame_of, |place, frame| {
+            let Some(selected) = place.decode() else { return };
+            if screen.splat(&selected, frame).is_some() {
+                let frame = exact_frame(posed, place.triangle);
+                exact.push(exact_splat(&view, low_pass, &selected, &frame));
+            }
+        });
     });
     exact
 }
@@ -105,9 +103,9 @@ fn exact_splat(
                 full.rotation.map(f64::from),
                 full.log2_scale.map(f64::from),
             );
-            let ray = sub(ellipsoid.center, view.eye);
-            let direction = scale(ray, 1.0 / dot(ray, ray).sqrt());
-            let color = harmonics::color(full.color, selected.harmonics, direction);
+            let direction = harmonics::direction(ellipsoid.center, view.eye);
+            let color = full.color.map(f64::from);
+            let color = harmonics::color(color, selected.harmonics.values(), direction);
             packed(view, low_pass, &ellipsoid, full.opacity, color)
         }
     }
@@ -122,7 +120,10 @@ fn packed<const N: usize>(
 ) -> Exact {
     let invisible =
         Exact { mean: [0.0; 2], falloff: [0.0; 3], log2_opacity: f64::NEG_INFINITY, color };
-    let Some(p) = project(view, low_pass, ellipsoid) else { return invisible };
+    let (p, drawable) = project(view, low_pass, ellipsoid);
+    if !drawable {
+        return invisible;
+    }
     Exact {
         mean: p.mean,
         falloff: p.falloff,
@@ -155,12 +156,12 @@ fn draw_tile(
                     continue;
                 }
                 let (px, py) = (x as f32 + 0.5, y as f32 + 0.5);
-                let Some(rounded) =
-                    alpha(log2_alpha(splat, px - splat.mean[0], py - splat.mean[1]))
-                else {
+                let exponent = log2_alpha(splat, px - splat.mean[0], py - splat.mean[1]);
+                let (rounded, touches) = alpha(exponent);
+                if !touches {
                     continue;
-                };
-                blend(&mut decided, rounded, splat.color);
+                }
+                decided = blend(decided, rounded, splat.color);
                 let weight = transmittance * exact_alpha(exact, f64::from(px), f64::from(py));
                 color.iter_mut().zip(exact.color).for_each(|(sum, c)| *sum += weight * c);
                 transmittance -= weight;

@@ -120,10 +120,13 @@ fn by_blend(
     sum: &mut SplatGradient,
 ) {
     let exponent = log2_alpha(splat, dx, dy);
-    let Some(alpha) = alpha(exponent) else { return };
+    let (alpha, touches) = alpha(exponent);
+    if !touches {
+        return;
+    }
     let transmittance = pixel[3];
     let weight = transmittance * alpha;
-    blend(pixel, alpha, splat.color);
+    *pixel = blend(*pixel, alpha, splat.color);
     let (mut by_color, mut behind) = (0.0, 0.0);
     for i in 0..3 {
         sum.color[i] += weight * g[i];

@@ -1,16 +1,18 @@
 //! The picture of a prefix, drawn by the runtime's own stages: culled, projected, sorted and
 //! blended as a file is. Only the parameters are not rounded to the file's codes.
 
+use core::ops::Range;
+
 use dermis_format::{FrameKind, LowPass};
-use dermis_runtime::Camera;
+use dermis_runtime::batch::{Batch, Discs};
 use dermis_runtime::frame::Frame;
-use dermis_runtime::gaussian::disc_on;
-use dermis_runtime::harmonics::not_below_zero;
-use dermis_runtime::prepare::SplatCamera;
+use dermis_runtime::lanes::MAX_LANES;
 use dermis_runtime::project::{Splat, View};
-use dermis_runtime::raster::{CLEAR, TilePixels, draw_tile};
+use dermis_runtime::raster::{TilePixels, draw_tile};
+use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::LEAST_OPACITY;
 use dermis_runtime::tiles::{Pair, TILE, TileGrid, count_tiles, fill_run};
+use dermis_runtime::{Camera, Kernel};
 use rayon::prelude::*;
 
 use super::cloud::Cloud;
@@ -83,16 +85,13 @@ pub fn draw(
     low_pass: LowPass,
     background: [f32; 3],
 ) -> Forward {
-    let view = View::new(camera);
-    let screen = SplatCamera { view, low_pass, width: camera.width, height: camera.height };
+    let kernel = Kernel::detect();
+    let screen = SplatCamera { view: View::new(camera), low_pass };
     let chunks: Vec<Vec<(Splat, u32)>> = (0..cloud.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let places = chunk * CHUNK..cloud.len().min((chunk + 1) * CHUNK);
-            let drawn = places.filter(|&i| cloud.ranks[i] < prefix.count);
-            drawn
-                .filter_map(|i| Some((splat(cloud, i, prefix, stage, &screen)?, i as u32)))
-                .collect()
+            project(kernel, cloud, places, prefix, stage, &screen)
         })
         .collect();
     let mut forward = Forward {
@@ -109,29 +108,48 @@ pub fn draw(
     let rows = forward.picture.rgb.par_chunks_mut((camera.width * TILE) as usize).enumerate();
     forward.bands = rows
         .map(|(row, pixels)| {
-            draw_band(&grid, row as u32, &forward.splats, &counts, background, pixels)
+            draw_band(kernel, &grid, row as u32, &forward.splats, &counts, background, pixels)
         })
         .collect();
     forward
 }
 
-/// The splat of Gaussian `i`; `None` if it is not seen.
-fn splat(
+/// The splats of the Gaussians at `places` that are seen, each with its place.
+fn project(
+    kernel: Kernel,
     cloud: &Cloud,
-    i: usize,
+    places: Range<usize>,
     prefix: Prefix,
     stage: &Stage,
     screen: &SplatCamera,
-) -> Option<Splat> {
-    let frame = stage.visible(cloud.gaussians[i].triangle, screen.view.eye)?;
-    let p = &cloud.gaussians[i].parameters;
-    let opacity = Some(p.opacity()).filter(|&opacity| opacity >= LEAST_OPACITY)?;
-    let ellipsoid =
-        disc_on(frame, p.position, p.angle, p.log2_scale.map(|s| s + prefix.log2_scale));
-    screen.pack(&ellipsoid, opacity, not_below_zero(p.color))
+) -> Vec<(Splat, u32)> {
+    let mut splats = Vec::with_capacity(places.len());
+    let mut batch = Batch::<Discs>::default();
+    let mut sources = [0; MAX_LANES];
+    let mut flush = |batch: &mut Batch<Discs>, sources: &[u32]| {
+        screen.splats(kernel, batch, &[], |lane, splat| splats.push((splat, sources[lane])));
+        batch.len = 0;
+    };
+    for i in places.filter(|&i| cloud.ranks[i] < prefix.count) {
+        let gaussian = &cloud.gaussians[i];
+        let Some(frame) = stage.visible(gaussian.triangle, screen.view.eye) else { continue };
+        let mut disc = gaussian.parameters.disc();
+        if !(disc.opacity >= LEAST_OPACITY) {
+            continue;
+        }
+        disc.log2_scale.iter_mut().for_each(|scale| *scale += prefix.log2_scale);
+        sources[batch.len] = i as u32;
+        batch.push(&disc, frame);
+        if batch.len == MAX_LANES {
+            flush(&mut batch, &sources);
+        }
+    }
+    flush(&mut batch, &sources);
+    splats
 }
 
 fn draw_band(
+    kernel: Kernel,
     grid: &TileGrid,
     row: u32,
     splats: &[Splat],
@@ -143,7 +161,7 @@ fn draw_band(
     let pairs = counts[run.start as usize..run.end as usize].iter().sum::<u32>();
     let mut band = Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()] };
     fill_run(grid, splats, counts, run.clone(), &mut band.pairs, &mut band.ends);
-    let mut tile_pixels: Box<TilePixels> = Box::new([CLEAR; (TILE * TILE) as usize]);
+    let mut tile_pixels = Box::new(TilePixels::clear());
     let mut start = 0;
     for (tile, &end) in run.zip(&band.ends) {
         let order = &band.pairs[start as usize..end as usize];
@@ -151,12 +169,14 @@ fn draw_band(
         if order.is_empty() {
             continue;
         }
-        tile_pixels.fill(CLEAR);
+        *tile_pixels = TilePixels::clear();
         let [columns, rows] = grid.pixels(tile);
-        draw_tile(splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
-        for (y, line) in (0..rows.len()).zip(tile_pixels.chunks_exact(TILE as usize)) {
+        draw_tile(kernel, splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
+        for y in 0..rows.len() {
             let to = y * grid.width as usize + columns.start as usize;
-            for (pixel, [r, g, b, t]) in pixels[to..to + columns.len()].iter_mut().zip(line) {
+            let line = &mut pixels[to..to + columns.len()];
+            for (index, pixel) in (y * TILE as usize..).zip(line) {
+                let [r, g, b, t] = tile_pixels.pixel(index);
                 *pixel = [r + t * background[0], g + t * background[1], b + t * background[2]];
             }
         }

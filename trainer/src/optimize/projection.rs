@@ -4,7 +4,7 @@
 use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::disc_on;
-use dermis_runtime::math::{Real, add, dot, scale};
+use dermis_runtime::math::{Scalar, add, dot, scale};
 use dermis_runtime::project::{HALF_LOG2_E, LOW_PASS, View};
 
 use super::backward::SplatGradient;
@@ -61,7 +61,7 @@ pub fn by_parameters(
 
 /// Takes the gradient of one splat to the disc it came from, which was at `position`, `angle`,
 /// `log2_scale` in `frame`.
-pub fn by_disc<R: Real>(
+pub fn by_disc<R: Scalar>(
     view: &View<R>,
     low_pass: LowPass,
     frame: &Frame<R>,
@@ -70,8 +70,8 @@ pub fn by_disc<R: Real>(
 ) -> ByDisc<R> {
     let disc = disc_on(frame, position, angle, log2_scale);
     let p @ [x, y, z] = view.point(disc.center);
-    let slopes = view.slopes(p);
-    let [(sx, clamped_x), (sy, clamped_y)] = slopes;
+    let [sx, sy] = view.slopes(p);
+    let (clamped_x, clamped_y) = (sx != x / z, sy != y / z);
     let [fx, fy] = view.focal();
     let (jx, jy) = (fx / z, fy / z);
     let axes = disc.axes.map(|axis| view.direction(axis));
@@ -98,7 +98,7 @@ pub fn by_disc<R: Real>(
     let by_center = to_world(view, [by_slope_x / z, by_slope_y / z, by_z]);
     let by_axes = by_axes.map(|g| to_world(view, g));
 
-    let (sin, cos) = angle.sin_cos();
+    let [sin, cos] = angle.line();
     let [first, second] = log2_scale.map(R::exp2);
     let along = add(scale(frame.x, cos), scale(frame.y, sin));
     let across = add(scale(frame.x, -sin), scale(frame.y, cos));
@@ -112,7 +112,7 @@ pub fn by_disc<R: Real>(
 
 /// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)², κ = log₂e/2:
 /// falloff a = √(κ yy / D), b = −a xy / yy, c = √(κ / yy), log₂ opacity = … + ½ log₂(det Σ / D).
-fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
+fn by_screen_axes<R: Scalar>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
     let [[u0, v0], [u1, v1]] = b;
     let h = R::of(LOW_PASS);
     let (xx, xy, yy) = (u0 * u0 + u1 * u1, u0 * v0 + u1 * v1, v0 * v0 + v1 * v1);
@@ -151,7 +151,7 @@ fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) 
 }
 
 /// Transposed rotation: camera axes → world axes.
-fn to_world<R: Real>(view: &View<R>, [gx, gy, gz]: [R; 3]) -> [R; 3] {
+fn to_world<R: Scalar>(view: &View<R>, [gx, gy, gz]: [R; 3]) -> [R; 3] {
     let [x, y, z] = view.rows();
     core::array::from_fn(|i| x[i] * gx + y[i] * gy + z[i] * gz)
 }

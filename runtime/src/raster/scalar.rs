@@ -1,40 +1,11 @@
-//! The rasterizer's specification: splats of one tile, front to back, one pixel after the other.
+//! The specification: one pixel after the other.
 
 use core::ops::Range;
 
-use crate::math::{Real, exp2_of_alpha};
+use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, log2_alpha};
+use crate::math::Real;
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::{Pair, TILE};
-
-/// No Gaussian covers more of a pixel than this.
-pub const GREATEST_ALPHA: f32 = 0.99;
-/// A pixel that lets less light than this through is finished.
-pub const LEAST_TRANSMITTANCE: f32 = 1e-4;
-
-/// A tile's pixels: (r, g, b) accumulated, and the transmittance T that is left.
-pub type TilePixels = [[f32; 4]; (TILE * TILE) as usize];
-
-/// An untouched pixel.
-pub const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
-
-/// log₂ of a splat's alpha at a pixel's centre, before the clamp at 0.99. One definition for the
-/// rasterizer and for what differentiates it.
-#[inline]
-pub fn log2_alpha(splat: &Splat, dx: f32, dy: f32) -> f32 {
-    let [a, b, c] = splat.falloff;
-    let (u, v) = (a * dx + b * dy, c * dy);
-    (splat.log2_opacity - v * v) - u * u
-}
-
-/// Alpha from its logarithm: `None` below 1/255, at most 0.99.
-#[inline]
-pub fn alpha(log2_alpha: f32) -> Option<f32> {
-    if !(log2_alpha >= LEAST_LOG2_ALPHA) {
-        return None;
-    }
-    let alpha = exp2_of_alpha(log2_alpha);
-    Some(if alpha < GREATEST_ALPHA { alpha } else { GREATEST_ALPHA })
-}
 
 /// The part of `columns` that a splat can touch in the row at `dy`: none of its pixels is left
 /// out, so this changes what a row costs, never what it shows.
@@ -60,16 +31,15 @@ pub fn row_span(splat: &Splat, dy: f32, columns: Range<u32>) -> Range<u32> {
 }
 
 /// Blends the splats of `order` into a tile whose pixels are `columns × rows` of the frame.
-/// Returns how many blends that took.
 ///
 /// A pixel blends a splat where its alpha is at least 1/255, C += T α c, T −= T α, until T < 1e-4.
-pub fn draw_tile(
+pub(super) fn draw_tile(
     splats: &[Splat],
     order: &[Pair],
     [columns, rows]: [Range<u32>; 2],
     pixels: &mut TilePixels,
-) -> u64 {
-    let mut blends = 0;
+) -> Counts {
+    let mut counts = Counts::default();
     let mut unfinished = columns.len() * rows.len();
     for pair in order {
         let Some(splat) = splats.get(pair.splat as usize) else { continue };
@@ -82,16 +52,21 @@ pub fn draw_tile(
         for y in y0.max(rows.start)..y1.min(rows.end) {
             let dy = y as f32 + 0.5 - splat.mean[1];
             let span = row_span(splat, dy, x0..x1);
-            let start = ((y - rows.start) * TILE + span.start - columns.start) as usize;
-            let row = pixels.get_mut(start..start + span.len()).unwrap_or(&mut []);
-            for (x, pixel) in span.zip(row) {
-                let dx = x as f32 + 0.5 - splat.mean[0];
-                if pixel[3] < LEAST_TRANSMITTANCE {
+            let start = (y - rows.start) * TILE + span.start - columns.start;
+            counts.evaluations += span.len() as u64;
+            for (x, index) in span.zip(start as usize..) {
+                let Some(before) = pixels.transmittance.get(index).copied() else { break };
+                if before < LEAST_TRANSMITTANCE {
                     continue;
                 }
-                let Some(alpha) = alpha(log2_alpha(splat, dx, dy)) else { continue };
-                blend(pixel, alpha, splat.color);
-                blends += 1;
+                let dx = x as f32 + 0.5 - splat.mean[0];
+                let (alpha, touches) = alpha(log2_alpha(splat, dx, dy));
+                if !touches {
+                    continue;
+                }
+                let pixel = super::blend(pixels.pixel(index), alpha, splat.color);
+                pixels.set_pixel(index, pixel);
+                counts.blends += 1;
                 unfinished -= usize::from(pixel[3] < LEAST_TRANSMITTANCE);
             }
         }
@@ -99,17 +74,7 @@ pub fn draw_tile(
             break;
         }
     }
-    blends
-}
-
-/// C += T α c, T −= T α.
-#[inline]
-pub fn blend(pixel: &mut [f32; 4], alpha: f32, color: [f32; 3]) {
-    let weight = pixel[3] * alpha;
-    pixel[0] += weight * color[0];
-    pixel[1] += weight * color[1];
-    pixel[2] += weight * color[2];
-    pixel[3] -= weight;
+    counts
 }
 
 #[cfg(test)]
@@ -160,7 +125,7 @@ mod tests {
             for y in y0..y1 {
                 let dy = y as f32 + 0.5 - splat.mean[1];
                 let touches = |x: &u32| {
-                    alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).is_some()
+                    alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).1
                 };
                 let span = row_span(&splat, dy, x0..x1);
                 assert!((x0..x1).filter(touches).all(|x| span.contains(&x)), "{splat:?} row {y}");

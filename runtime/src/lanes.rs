@@ -1,0 +1,168 @@
+//! Vectors of f32 whose lanes do what one f32 does, bit for bit.
+//!
+//! Only + − × ÷ √, comparisons, selections and bit operations are used: they are equal at every
+//! level of fearless_simd. Its `min`, `max`, `mul_add`, reciprocals and roundings are not.
+
+use core::ops::BitAnd;
+
+use fearless_simd::prelude::*;
+use fearless_simd::{f32x4, f32x8, f32x16, i32x4, i32x8, i32x16, u32x4, u32x8, u32x16};
+
+use crate::math::{ROOT_HALF_BITS, Real, Single};
+
+/// Most lanes of any vector.
+pub const MAX_LANES: usize = 16;
+
+/// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
+pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
+    /// How many; divides [`MAX_LANES`].
+    const LEN: usize;
+    /// The proof.
+    type Token: Copy;
+    /// `x` in every lane.
+    fn splat(token: Self::Token, x: f32) -> Self;
+    /// From `LEN` numbers.
+    fn load(token: Self::Token, from: &[f32]) -> Self;
+    /// From `LEN` integers below 2²⁴.
+    fn load_integers(token: Self::Token, from: &[i32]) -> Self;
+    /// To `LEN` numbers.
+    fn store(self, to: &mut [f32]);
+    /// Bit i is lane i.
+    fn bits(mask: Self::Mask) -> u32;
+    /// 4 × 8 bits a lane, from numbers in 0..=255: the first in the lowest byte.
+    fn store_bytes(channels: [Self; 4], to: &mut [u32]);
+}
+
+impl Lanes for f32 {
+    const LEN: usize = 1;
+    type Token = ();
+    #[inline(always)]
+    fn splat((): (), x: f32) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn load((): (), from: &[f32]) -> Self {
+        from.first().copied().unwrap_or(0.0)
+    }
+    #[inline(always)]
+    fn load_integers((): (), from: &[i32]) -> Self {
+        from.first().map_or(0.0, |&x| x as f32)
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f32]) {
+        if let Some(to) = to.first_mut() {
+            *to = self;
+        }
+    }
+    #[inline(always)]
+    fn bits(mask: bool) -> u32 {
+        u32::from(mask)
+    }
+    #[inline(always)]
+    fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
+        let [r, g, b, a] = channels.map(|x| x as i32 as u32);
+        if let Some(to) = to.first_mut() {
+            *to = r | g << 8 | b << 16 | a << 24;
+        }
+    }
+}
+
+macro_rules! lanes {
+    ($float:ident, $signed:ident, $unsigned:ident, $len:literal) => {
+        impl<S: Simd> Real for $float<S> {
+            type Mask = <Self as SimdBase<S>>::Mask;
+            #[inline(always)]
+            fn like(self, x: f32) -> Self {
+                <Self as SimdBase<S>>::splat(self.token(), x)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                SimdFloat::sqrt(self)
+            }
+            #[inline(always)]
+            fn exp2(self) -> Self {
+                crate::math::exp2(self)
+            }
+            #[inline(always)]
+            fn log2(self) -> Self {
+                crate::math::log2(self)
+            }
+            #[inline(always)]
+            fn line(self) -> [Self; 2] {
+                crate::math::line(self)
+            }
+            #[inline(always)]
+            fn below(self, other: Self) -> Self::Mask {
+                self.simd_lt(other)
+            }
+            #[inline(always)]
+            fn reaches(self, other: Self) -> Self::Mask {
+                self.simd_ge(other)
+            }
+            #[inline(always)]
+            fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+                mask.select(yes, no)
+            }
+        }
+
+        impl<S: Simd> Single for $float<S> {
+            #[inline(always)]
+            fn power_of_two(rounded: Self) -> Self {
+                let bits: $signed<S> = rounded.bitcast();
+                ((bits + 127) << 23).bitcast()
+            }
+            #[inline(always)]
+            fn mantissa_and_exponent(self) -> [Self; 2] {
+                let bits: $signed<S> = self.bitcast();
+                let exponent = (bits - ROOT_HALF_BITS) >> 23;
+                let mantissa = bits - (exponent << 23);
+                [mantissa.bitcast(), Self::float_from(exponent)]
+            }
+        }
+
+        impl<S: Simd> Lanes for $float<S> {
+            const LEN: usize = $len;
+            type Token = S;
+            #[inline(always)]
+            fn splat(token: S, x: f32) -> Self {
+                <Self as SimdBase<S>>::splat(token, x)
+            }
+            #[inline(always)]
+            fn load(token: S, from: &[f32]) -> Self {
+                match from.first_chunk::<$len>() {
+                    Some(from) => Self::load_array_ref(token, from),
+                    None => <Self as SimdBase<S>>::splat(token, 0.0),
+                }
+            }
+            #[inline(always)]
+            fn load_integers(token: S, from: &[i32]) -> Self {
+                match from.first_chunk::<$len>() {
+                    Some(from) => Self::float_from($signed::load_array_ref(token, from)),
+                    None => <Self as SimdBase<S>>::splat(token, 0.0),
+                }
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [f32]) {
+                if let Some(to) = to.first_chunk_mut::<$len>() {
+                    self.store_array(to);
+                }
+            }
+            #[inline(always)]
+            fn bits(mask: Self::Mask) -> u32 {
+                mask.to_bitmask() as u32
+            }
+            #[inline(always)]
+            fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
+                // In 0..=255 every level converts alike.
+                let [r, g, b, a] = channels.map(|x| x.to_int::<$signed<S>>());
+                let word: $unsigned<S> = (r | g << 8 | b << 16 | a << 24).bitcast();
+                if let Some(to) = to.first_chunk_mut::<$len>() {
+                    word.store_array(to);
+                }
+            }
+        }
+    };
+}
+lanes!(f32x4, i32x4, u32x4, 4);
+lanes!(f32x8, i32x8, u32x8, 8);
+lanes!(f32x16, i32x16, u32x16, 16);
