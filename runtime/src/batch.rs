@@ -8,6 +8,7 @@ use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
+use crate::math::each;
 use crate::project::{Projected, View, project};
 use crate::select::Place;
 
@@ -115,7 +116,8 @@ fn decode_column<V: Lanes>(
     range: Range,
 ) -> V {
     let codes = codes.get(column).and_then(|column| column.get(at..)).unwrap_or(&[]);
-    let [offset, step] = [range.offset, range.step].map(|x| V::splat(token, x.get()));
+    let offset = V::splat(token, range.offset.get());
+    let step = V::splat(token, range.step.get());
     affine(offset, step, V::load_integers(token, codes))
 }
 
@@ -210,7 +212,7 @@ impl Shape for Fulls {
             let codes = codes.get(column).and_then(|column| column.get(at..)).unwrap_or(&[]);
             V::load_integers(token, codes)
         };
-        let others = [1, 2, 3].map(|i| integers(ROTATION + i));
+        let others = [integers(ROTATION + 1), integers(ROTATION + 2), integers(ROTATION + 3)];
         for (column, value) in self.rotation.iter_mut().zip(quaternion(integers(ROTATION), others)) {
             store(value, column, at);
         }
@@ -245,7 +247,11 @@ impl Shape for Fulls {
 fn quaternion<V: Lanes>(greatest: V, others: [V; 3]) -> [V; 4] {
     let constant = |x: f32| greatest.like(x);
     let step = constant(HALF_ROOT / COMPONENT_MIDDLE);
-    let [a, b, c] = others.map(|code| (code - constant(COMPONENT_MIDDLE)) * step);
+    let [a, b, c] = each(
+        others,
+        #[inline(always)]
+        |code| (code - constant(COMPONENT_MIDDLE)) * step,
+    );
     let rest = constant(1.0) - (a * a + b * b + c * c);
     let root = rest.at_least(constant(0.0)).sqrt();
     let before = |i: f32| greatest.below(constant(i));
@@ -273,10 +279,14 @@ impl<G> Batch<G> {
     #[inline(always)]
     pub(crate) fn frame<V: Lanes>(&self, token: V::Token, at: usize) -> Frame<V> {
         let axis = |first: usize| {
-            [0, 1, 2].map(|i| match self.frames.get(first + i) {
-                Some(column) => load(token, column, at),
-                None => V::splat(token, 0.0),
-            })
+            each(
+                [0, 1, 2],
+                #[inline(always)]
+                |i: usize| match self.frames.get(first + i) {
+                    Some(column) => load(token, column, at),
+                    None => V::splat(token, 0.0),
+                },
+            )
         };
         Frame { x: axis(0), y: axis(3), z: axis(6), origin: axis(9) }
     }
@@ -323,8 +333,11 @@ impl<G: Shape> Work for Decode<'_, G> {
         let Self { batch, codes, group, log2_factor } = self;
         let mut at = 0;
         while at < batch.len {
-            let ycocg = [0, 1, 2]
-                .map(|i| decode_column::<V>(token, at, codes, COLOR + i, group.color[i]));
+            let ycocg = each(
+                [0, 1, 2],
+                #[inline(always)]
+                |i: usize| decode_column::<V>(token, at, codes, COLOR + i, group.color[i]),
+            );
             for (column, value) in batch.color.iter_mut().zip(rgb_of_ycocg(ycocg)) {
                 store(value, column, at);
             }

@@ -2,7 +2,7 @@
 
 use dermis_format::FrameKind;
 
-use crate::math::{Real, Scalar, add, cross, dot, scale, sub};
+use crate::math::{Real, Scalar, add, cross, dot, each, scale, sub};
 
 /// A coordinate system: `world = x · X₀ + y · X₁ + z · X₂ + origin`. The axes are orthogonal and
 /// as long as the frame's size, metres.
@@ -37,7 +37,11 @@ impl<R: Real> Frame<R> {
         // over- or underflow, whatever the size of the triangle.
         let unit = greatest(e1).at_least(greatest(e2));
         let inverse = one / unit;
-        let sums = [origin, e1, e2].map(|[x, y, z]| x + y + z);
+        let sums = each(
+            [origin, e1, e2],
+            #[inline(always)]
+            |[x, y, z]| x + y + z,
+        );
         let finite = sums[0].finite() & sums[1].finite() & sums[2].finite() & inverse.finite();
         let (e1, e2, arm) = (scale(e1, inverse), scale(e2, inverse), scale(arm, inverse));
         let normal = cross(e1, e2);

@@ -3,8 +3,8 @@
 use core::ops::Range;
 
 use crate::error::Error;
-use crate::raster::{CLEAR, TilePixels};
-use crate::tiles::{TILE, TileGrid};
+use crate::raster::{self, CLEAR, TilePixels};
+use crate::tiles::TileGrid;
 
 /// What a picture is composited over.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,11 +53,11 @@ impl Framebuffer<'_> {
     ) {
         let [columns, rows] = grid.pixels(tile);
         let background = self.background;
-        for (y, first) in rows.clone().zip((0..).step_by(TILE as usize)) {
+        for (y, source) in rows.clone().zip(&source.0) {
             let Some(row) = self.row((y - first_row) as usize, &columns) else { continue };
             let pixels = row.as_chunks_mut::<4>().0;
-            for (index, pixel) in (first..).zip(pixels) {
-                let source = source.pixel(index);
+            for (column, pixel) in pixels.iter_mut().enumerate() {
+                let source = raster::pixel(source, column);
                 match background {
                     Background::Color(color) => *pixel = over_color(source, color),
                     Background::Existing => *pixel = over_pixel(source, *pixel),

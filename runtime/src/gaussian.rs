@@ -1,7 +1,7 @@
 //! A Gaussian on a posed frame: its centre and axes in the world.
 
 use crate::frame::Frame;
-use crate::math::{Real, rotation_rows, scale};
+use crate::math::{Real, each, rotation_rows, scale};
 
 /// A Gaussian in the world with `N` axes: Σ = a₀a₀ᵀ + … (3×3). Two axes make a flat disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub fn disc_on<R: Real>(
     log2_scale: [R; 2],
 ) -> Ellipsoid<R, 2> {
     let [sin, cos] = angle.line();
-    let [first, second] = log2_scale.map(R::exp2);
+    let [first, second] = each(log2_scale, R::exp2);
     let zero = angle.like(0.0);
     Ellipsoid {
         center: frame.point(position),
@@ -43,9 +43,13 @@ pub fn full_on<R: Real>(
     let rows = rotation_rows(rotation);
     Ellipsoid {
         center: frame.point(position),
-        axes: core::array::from_fn(|i| {
-            let column = [rows[0][i], rows[1][i], rows[2][i]];
-            frame.direction(scale(column, log2_scale[i].exp2()))
-        }),
+        axes: each(
+            [0, 1, 2],
+            #[inline(always)]
+            |i: usize| {
+                let column = [rows[0][i], rows[1][i], rows[2][i]];
+                frame.direction(scale(column, log2_scale[i].exp2()))
+            },
+        ),
     }
 }

@@ -1,6 +1,6 @@
 //! Colour by direction: real spherical harmonics up to degree 3, in 3D Gaussian Splatting's order.
 
-use crate::math::{Real, add, dot, scale, sub};
+use crate::math::{Real, add, dot, each, scale, sub};
 
 // √(1/π) times rationals and roots: the normalization of the real harmonics.
 const C1: f32 = 0.488_602_5;
@@ -35,7 +35,11 @@ pub fn direction<R: Real>(center: [R; 3], eye: [R; 3]) -> [R; 3] {
 /// max(0, colour): what no direction may go below.
 #[inline(always)]
 pub fn not_below_zero<R: Real>(color: [R; 3]) -> [R; 3] {
-    color.map(|channel| channel.at_least(channel.like(0.0)))
+    each(
+        color,
+        #[inline(always)]
+        |channel| channel.at_least(channel.like(0.0)),
+    )
 }
 
 /// The 15 basis functions of degrees 1 to 3.

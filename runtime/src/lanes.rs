@@ -154,7 +154,9 @@ macro_rules! lanes {
             #[inline(always)]
             fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
                 // In 0..=255 every level converts alike.
-                let [r, g, b, a] = channels.map(|x| x.to_int::<$signed<S>>());
+                let [r, g, b, a] = channels;
+                let [r, g]: [$signed<S>; 2] = [r.to_int(), g.to_int()];
+                let [b, a]: [$signed<S>; 2] = [b.to_int(), a.to_int()];
                 let word: $unsigned<S> = (r | g << 8 | b << 16 | a << 24).bitcast();
                 if let Some(to) = to.first_chunk_mut::<$len>() {
                     word.store_array(to);

@@ -5,7 +5,7 @@ use dermis_format::LowPass;
 
 use crate::camera::Camera;
 use crate::gaussian::Ellipsoid;
-use crate::math::{Real, Scalar, dot};
+use crate::math::{Real, Scalar, dot, each};
 
 /// Gaussians whose centre is nearer than this are not drawn, metres.
 pub const NEAR: f32 = 0.01;
@@ -53,27 +53,39 @@ impl<R: Scalar> View<R> {
 impl<R: Real> View<R> {
     /// The same camera in other numbers.
     #[inline(always)]
-    pub fn map<T>(&self, to: impl Fn(R) -> T) -> View<T> {
+    pub fn map<T: Copy>(&self, to: impl Fn(R) -> T) -> View<T> {
         View {
-            rows: self.rows.map(|row| row.map(&to)),
-            eye: self.eye.map(&to),
-            focal: self.focal.map(&to),
-            center: self.center.map(&to),
-            limit: self.limit.map(&to),
-            size: self.size.map(&to),
+            rows: each(
+                self.rows,
+                #[inline(always)]
+                |row| each(row, &to),
+            ),
+            eye: each(self.eye, &to),
+            focal: each(self.focal, &to),
+            center: each(self.center, &to),
+            limit: each(self.limit, &to),
+            size: each(self.size, &to),
         }
     }
 
     /// A world point in camera axes.
     #[inline(always)]
     pub fn point(&self, p: [R; 3]) -> [R; 3] {
-        self.rows.map(|[x, y, z, t]| dot([x, y, z], p) + t)
+        each(
+            self.rows,
+            #[inline(always)]
+            |[x, y, z, t]| dot([x, y, z], p) + t,
+        )
     }
 
     /// A world direction in camera axes.
     #[inline(always)]
     pub fn direction(&self, d: [R; 3]) -> [R; 3] {
-        self.rows.map(|[x, y, z, _]| dot([x, y, z], d))
+        each(
+            self.rows,
+            #[inline(always)]
+            |[x, y, z, _]| dot([x, y, z], d),
+        )
     }
 
     /// Rows of world → camera.
@@ -90,8 +102,8 @@ impl<R: Real> View<R> {
     /// [`JACOBIAN_LIMIT`] times the half width of the view.
     #[inline(always)]
     pub fn slopes(&self, [x, y, z]: [R; 3]) -> [R; 2] {
-        let clamp = |slope: R, limit: R| slope.at_most(limit).at_least(-limit);
-        [clamp(x / z, self.limit[0]), clamp(y / z, self.limit[1])]
+        let [u, v] = self.limit;
+        [(x / z).at_most(u).at_least(-u), (y / z).at_most(v).at_least(-v)]
     }
 }
 
@@ -129,10 +141,14 @@ pub fn project<R: Real, const N: usize>(
     let (zero, one) = (z.like(0.0), z.like(1.0));
     let [sx, sy] = view.slopes(p);
     let (jx, jy) = (view.focal[0] / z, view.focal[1] / z);
-    let b: [[R; 2]; N] = gaussian.axes.map(|axis| {
-        let [ax, ay, az] = view.direction(axis);
-        [jx * (ax - sx * az), jy * (ay - sy * az)]
-    });
+    let b: [[R; 2]; N] = each(
+        gaussian.axes,
+        #[inline(always)]
+        |axis| {
+            let [ax, ay, az] = view.direction(axis);
+            [jx * (ax - sx * az), jy * (ay - sy * az)]
+        },
+    );
     let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
     for (i, &[u, v]) in b.iter().enumerate() {
         xx = xx + u * u;
@@ -188,15 +204,19 @@ pub fn footprint<R: Real>(
     let reach = log2_opacity - constant(LEAST_LOG2_ALPHA);
     // α ≥ 1/255 where q/2 · log₂ e ≤ reach. A little more, so that rounding loses no pixel.
     let radius2 = reach * constant(1.0 / HALF_LOG2_E);
-    let axis = |mean: R, variance: R, len: R| {
-        let half = (radius2 * variance).sqrt() * constant(1.0001) + constant(0.51);
-        let clamp = |x: R| x.at_least(zero).at_most(len);
-        [clamp(mean - half).ceil(), clamp(mean + half).floor()]
-    };
-    let [x0, x1] = axis(p.mean[0], p.covariance[0], view.size[0]);
-    let [y0, y1] = axis(p.mean[1], p.covariance[2], view.size[1]);
+    let [x0, x1] = pixels(p.mean[0], radius2 * p.covariance[0], view.size[0]);
+    let [y0, y1] = pixels(p.mean[1], radius2 * p.covariance[2], view.size[1]);
     let touches = reach.reaches(zero) & x0.below(x1) & y0.below(y1);
     (Footprint { log2_opacity, bounds: [x0, y0, x1, y1] }, touches)
+}
+
+/// First pixel whose centre is within √`square` of `mean`, and one past the last, within 0..=len.
+#[inline(always)]
+fn pixels<R: Real>(mean: R, square: R, len: R) -> [R; 2] {
+    let zero = len.like(0.0);
+    let half = square.sqrt() * len.like(1.0001) + len.like(0.51);
+    let [low, high] = [mean - half, mean + half];
+    [low.at_least(zero).at_most(len).ceil(), high.at_least(zero).at_most(len).floor()]
 }
 
 /// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha

@@ -9,6 +9,7 @@ use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics;
 use crate::kernel::{Kernel, Work};
 use crate::lanes::{Lanes, MAX_LANES};
+use crate::math::each;
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};
 
@@ -141,8 +142,8 @@ where
     let mut steps = [0.0; MAX_LANES];
     steps.iter_mut().zip(lanes).for_each(|(step, lane)| *step = lane.step);
     let step = V::load(token, &steps);
-    (0..degree_codes / 3).map(move |coefficient| {
-        [0, 1, 2].map(|channel| {
+    (0..degree_codes / 3).map(#[inline(always)] move |coefficient| {
+        each([0, 1, 2], #[inline(always)] |channel: usize| {
             let mut codes = [0; MAX_LANES];
             for (code, lane) in codes.iter_mut().zip(lanes) {
                 *code = lane.codes.get(coefficient * 3 + channel).map_or(0, |&c| i32::from(c));

@@ -6,7 +6,6 @@ mod simd;
 use core::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
-use fearless_simd::dispatch;
 
 use crate::kernel::Kernel;
 use crate::math::{Real, Single, exp2_of_alpha};
@@ -20,18 +19,16 @@ pub const GREATEST_ALPHA: f32 = 0.99;
 /// A pixel that lets less light than this through is finished.
 pub const LEAST_TRANSMITTANCE: f32 = 1e-4;
 
-/// One number of each pixel of a tile, row by row.
-pub type Plane = [f32; (TILE * TILE) as usize];
-
-/// A tile's pixels.
+/// A tile's pixels, row by row.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-pub struct TilePixels {
-    /// Red, green and blue accumulated.
-    pub color: [Plane; 3],
-    /// T, what is left of the light from behind.
-    pub transmittance: Plane,
-}
+#[repr(transparent)]
+pub struct TilePixels(pub [TileRow; TILE as usize]);
+
+/// Pixels of a row: red, green and blue accumulated, then T, what is left of the light from behind.
+///
+/// A plane for each would be 4 KB from the next one: loads would wait for stores whose addresses
+/// differ in higher bits only.
+pub type TileRow = [[f32; TILE as usize]; 4];
 
 /// An untouched pixel: black, and all light comes through.
 pub const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
@@ -39,26 +36,21 @@ pub const CLEAR: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 impl TilePixels {
     /// Untouched.
     pub const fn clear() -> Self {
-        Self { color: [[0.0; (TILE * TILE) as usize]; 3], transmittance: [1.0; (TILE * TILE) as usize] }
+        let [black, one] = [[0.0; TILE as usize], [1.0; TILE as usize]];
+        Self([[black, black, black, one]; TILE as usize])
     }
 
-    /// (r, g, b, T) of pixel `index`.
-    #[inline]
-    pub fn pixel(&self, index: usize) -> [f32; 4] {
-        let [r, g, b] = &self.color;
-        [r, g, b, &self.transmittance].map(|plane| plane.get(index).copied().unwrap_or(0.0))
+    /// Whether no pixel lets light through any more.
+    fn finished(&self) -> bool {
+        self.0.iter().all(|[.., t]| t.iter().all(|&t| t < LEAST_TRANSMITTANCE))
     }
+}
 
-    /// Puts (r, g, b, T) there.
-    #[inline]
-    pub fn set_pixel(&mut self, index: usize, pixel: [f32; 4]) {
-        let [r, g, b] = &mut self.color;
-        for (plane, value) in [r, g, b, &mut self.transmittance].into_iter().zip(pixel) {
-            if let Some(slot) = plane.get_mut(index) {
-                *slot = value;
-            }
-        }
-    }
+/// (r, g, b, T) of a pixel of a row.
+#[inline]
+pub fn pixel(row: &TileRow, column: usize) -> [f32; 4] {
+    let column = column % TILE as usize;
+    [row[0][column], row[1][column], row[2][column], row[3][column]]
 }
 
 /// What drawing took.
@@ -89,9 +81,7 @@ pub fn draw_tile(
 ) -> Counts {
     match kernel {
         Kernel::Scalar => scalar::draw_tile(splats, order, area, pixels),
-        Kernel::Simd(level) => {
-            dispatch!(level, simd => simd::draw_tile(simd, splats, order, area, pixels))
-        }
+        Kernel::Simd(_) => kernel.run(simd::DrawTile { splats, order, area, pixels }),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, log2_alpha};
+use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend, log2_alpha, pixel};
 use crate::math::Real;
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::{Pair, TILE};
@@ -52,11 +52,12 @@ pub(super) fn draw_tile(
         for y in y0.max(rows.start)..y1.min(rows.end) {
             let dy = y as f32 + 0.5 - splat.mean[1];
             let span = row_span(splat, dy, x0..x1);
-            let start = (y - rows.start) * TILE + span.start - columns.start;
             counts.evaluations += span.len() as u64;
-            for (x, index) in span.zip(start as usize..) {
-                let Some(before) = pixels.transmittance.get(index).copied() else { break };
-                if before < LEAST_TRANSMITTANCE {
+            let row = &mut pixels.0[((y - rows.start) % TILE) as usize];
+            for x in span {
+                let column = (x - columns.start) as usize % TILE as usize;
+                let before = pixel(row, column);
+                if before[3] < LEAST_TRANSMITTANCE {
                     continue;
                 }
                 let dx = x as f32 + 0.5 - splat.mean[0];
@@ -64,10 +65,10 @@ pub(super) fn draw_tile(
                 if !touches {
                     continue;
                 }
-                let pixel = super::blend(pixels.pixel(index), alpha, splat.color);
-                pixels.set_pixel(index, pixel);
+                let after = blend(before, alpha, splat.color);
+                row.iter_mut().zip(after).for_each(|(channel, value)| channel[column] = value);
                 counts.blends += 1;
-                unfinished -= usize::from(pixel[3] < LEAST_TRANSMITTANCE);
+                unfinished -= usize::from(after[3] < LEAST_TRANSMITTANCE);
             }
         }
         if unfinished == 0 {

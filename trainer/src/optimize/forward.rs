@@ -8,7 +8,7 @@ use dermis_runtime::batch::{Batch, Discs};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::lanes::MAX_LANES;
 use dermis_runtime::project::{Splat, View};
-use dermis_runtime::raster::{TilePixels, draw_tile};
+use dermis_runtime::raster::{self, TilePixels, draw_tile};
 use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::LEAST_OPACITY;
 use dermis_runtime::tiles::{Pair, TILE, TileGrid, count_tiles, fill_run};
@@ -172,11 +172,10 @@ fn draw_band(
         *tile_pixels = TilePixels::clear();
         let [columns, rows] = grid.pixels(tile);
         draw_tile(kernel, splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
-        for y in 0..rows.len() {
+        for (y, row) in (0..rows.len()).zip(&tile_pixels.0) {
             let to = y * grid.width as usize + columns.start as usize;
-            let line = &mut pixels[to..to + columns.len()];
-            for (index, pixel) in (y * TILE as usize..).zip(line) {
-                let [r, g, b, t] = tile_pixels.pixel(index);
+            for (column, pixel) in pixels[to..to + columns.len()].iter_mut().enumerate() {
+                let [r, g, b, t] = raster::pixel(row, column);
                 *pixel = [r + t * background[0], g + t * background[1], b + t * background[2]];
             }
         }
