@@ -10,11 +10,13 @@ use crate::scratch::{Scratch, words};
 use crate::tiles::{Pair, TILE, fill_run, next_run};
 
 impl Prepared<'_> {
-    /// Words of scratch that a band takes at least: one tile's pixels, and a list that holds every
-    /// splat of a budget. More words mean longer lists and fewer passes, never other pixels.
+    /// Words of scratch that a band takes at least: one tile's pixels, a list that holds every splat
+    /// of a budget, and as much to sort it. More words mean longer lists and fewer passes, never
+    /// other pixels.
     pub fn band_scratch_len(budget: u32, width: u32, height: u32) -> usize {
         let tiles = crate::tiles::TileGrid::new(width, height).tiles();
-        words::<TilePixels>(1).saturating_add(tiles).saturating_add(words::<Pair>(budget as usize))
+        let lists = words::<Pair>(budget as usize).saturating_mul(2);
+        words::<TilePixels>(1).saturating_add(tiles).saturating_add(lists)
     }
 
     /// Rows of tiles in the frame.
@@ -85,10 +87,11 @@ impl Prepared<'_> {
         let mut tiles = self.tiles_of(&tile_rows);
         let mut scratch = Scratch::new(scratch, self.lists_len(&tile_rows))?;
         let ends = scratch.take::<u32>(tiles.len())?;
+        let spare = scratch.take::<Pair>(self.splats.len())?;
         let pairs = scratch.take_rest::<Pair>();
         while !tiles.is_empty() {
             let run = next_run(self.tile_counts, tiles.clone(), pairs.len());
-            fill_run(&self.grid, self.splats, self.tile_counts, run.clone(), pairs, ends);
+            fill_run(&self.grid, self.splats, self.tile_counts, run.clone(), pairs, spare, ends);
             let mut start = 0;
             for (tile, &end) in run.clone().zip(ends.iter()) {
                 visit(tile, pairs.get(start as usize..end as usize).unwrap_or(&[]));
@@ -101,7 +104,8 @@ impl Prepared<'_> {
 
     /// Words that the lists of a band take at least: a tile may hold every splat.
     fn lists_len(&self, tile_rows: &Range<u32>) -> usize {
-        self.tiles_of(tile_rows).len().saturating_add(words::<Pair>(self.splats.len()))
+        let lists = words::<Pair>(self.splats.len()).saturating_mul(2);
+        self.tiles_of(tile_rows).len().saturating_add(lists)
     }
 
     fn tiles_of(&self, tile_rows: &Range<u32>) -> Range<u32> {

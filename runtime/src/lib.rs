@@ -36,6 +36,7 @@ pub mod lanes;
 pub mod screen;
 mod scratch;
 pub mod select;
+mod sort;
 pub mod tiles;
 
 pub use camera::Camera;

@@ -5,6 +5,7 @@ use core::ops::Range;
 use bytemuck::{Pod, Zeroable};
 
 use crate::project::Splat;
+use crate::sort::by_depth;
 
 /// Side of a tile, px.
 pub const TILE: u32 = 32;
@@ -52,12 +53,12 @@ impl TileGrid {
     }
 }
 
-/// A splat in a tile's list. Sorts by depth, then by index.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+/// A splat in a tile's list.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
     /// Bits of the depth: above 0, so they order as the numbers do.
-    depth: u32,
+    pub depth: u32,
     /// Index of the splat.
     pub splat: u32,
 }
@@ -89,13 +90,15 @@ pub fn next_run(counts: &[u32], tiles: Range<u32>, capacity: usize) -> Range<u32
 }
 
 /// Fills `pairs` with the lists of the tiles of `run`, one after the other in the order of tiles,
-/// each sorted front to back. `ends[i]` becomes the end of the i-th list.
+/// each sorted front to back, ties by index. `ends[i]` becomes the end of the i-th list; `spare` is
+/// working space as long as the longest list.
 pub fn fill_run(
     grid: &TileGrid,
     splats: &[Splat],
     counts: &[u32],
     run: Range<u32>,
     pairs: &mut [Pair],
+    spare: &mut [Pair],
     ends: &mut [u32],
 ) {
     // Each list's end starts as its beginning and moves on with every pair.
@@ -122,7 +125,7 @@ pub fn fill_run(
     let mut start = 0;
     for (&end, _) in ends.iter().zip(run) {
         if let Some(list) = pairs.get_mut(start as usize..end as usize) {
-            list.sort_unstable();
+            by_depth(list, spare);
         }
         start = end;
     }

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend, exponent};
+use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend, exponent};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::math::each;
@@ -69,44 +69,70 @@ fn strips<V: Lanes>(
     token: V::Token,
     splat: &Splat,
     area: Area,
-    origin: [u32; 2],
-    pixels: &mut TilePixels,
-    counts: &mut Counts,
-) {
-    let mut start = area.columns.start;
-    while start < area.columns.end {
-        let columns = start..area.columns.end.min(start + V::LEN as u32);
-        start = columns.end;
-        strip::<V>(token, splat, Area { columns, ..area.clone() }, origin, pixels, counts);
-    }
-}
-
-/// At most `V::LEN` columns; `origin` is the tile's first column and row.
-#[inline(always)]
-fn strip<V: Lanes>(
-    token: V::Token,
-    splat: &Splat,
-    area: Area,
     [left, top]: [u32; 2],
     pixels: &mut TilePixels,
     counts: &mut Counts,
 ) {
+    let rows = RowTerms::new::<V>(token, splat, &area.rows);
+    let within = (area.rows.start - top) as usize..(area.rows.end - top) as usize;
+    let mut start = area.columns.start;
+    while start < area.columns.end {
+        let columns = start..area.columns.end.min(start + V::LEN as u32);
+        start = columns.end;
+        let pixels = pixels.0.get_mut(within.clone()).unwrap_or(&mut []);
+        counts.evaluations += (V::LEN * pixels.len()) as u64;
+        counts.blends += strip::<V>(token, splat, columns, left, &rows, pixels);
+    }
+}
+
+/// What of a splat's exponent is the same along a row, for each row that it touches.
+struct RowTerms {
+    /// log₂ of the opacity less (c dy)².
+    room: [f32; TILE as usize],
+    /// b dy.
+    shift: [f32; TILE as usize],
+}
+
+impl RowTerms {
+    #[inline(always)]
+    fn new<V: Lanes>(token: V::Token, splat: &Splat, rows: &Range<u32>) -> Self {
+        let constant = |x: f32| V::splat(token, x);
+        let [_, b, c] = splat.falloff;
+        let mut terms = Self { room: [0.0; TILE as usize], shift: [0.0; TILE as usize] };
+        let mut y = V::load(token, &LANES) + constant(rows.start as f32);
+        let slots = terms.room.chunks_exact_mut(V::LEN).zip(terms.shift.chunks_exact_mut(V::LEN));
+        for (room, shift) in slots.take(rows.len().div_ceil(V::LEN)) {
+            let dy = y + constant(0.5) - constant(splat.mean[1]);
+            let v = constant(c) * dy;
+            (constant(splat.log2_opacity) - v * v).store(room);
+            (constant(b) * dy).store(shift);
+            y = y + constant(V::LEN as f32);
+        }
+        terms
+    }
+}
+
+/// At most `V::LEN` columns of all rows; `left` is the tile's first column. Returns the blends.
+#[inline(always)]
+fn strip<V: Lanes>(
+    token: V::Token,
+    splat: &Splat,
+    columns: Range<u32>,
+    left: u32,
+    rows: &RowTerms,
+    pixels: &mut [TileRow],
+) -> u64 {
     let constant = |x: f32| V::splat(token, x);
-    let [a, b, c] = splat.falloff;
     // A strip ends inside the tile's row, if need be by starting further to the left.
-    let first = (area.columns.start - left).min(TILE - V::LEN as u32);
+    let first = (columns.start - left).min(TILE - V::LEN as u32);
     let x = V::load(token, &LANES) + constant((left + first) as f32);
-    let inside = x.reaches(constant(area.columns.start as f32))
-        & x.below(constant(area.columns.end as f32));
-    let a_dx = constant(a) * (x + constant(0.5) - constant(splat.mean[0]));
+    let inside = x.reaches(constant(columns.start as f32)) & x.below(constant(columns.end as f32));
+    let a_dx = constant(splat.falloff[0]) * (x + constant(0.5) - constant(splat.mean[0]));
     let color = each(splat.color, constant);
-    let rows = (area.rows.start - top) as usize..(area.rows.end - top) as usize;
     let lanes = first as usize..first as usize + V::LEN;
-    for (y, row) in area.rows.zip(pixels.0.get_mut(rows).unwrap_or(&mut [])) {
-        let dy = y as f32 + 0.5 - splat.mean[1];
-        let v = c * dy;
-        let p = exponent(constant(splat.log2_opacity - v * v), a_dx, constant(b * dy));
-        let (alpha, touches) = alpha(p);
+    let mut blends = 0;
+    for ((row, &room), &shift) in pixels.iter_mut().zip(&rows.room).zip(&rows.shift) {
+        let (alpha, touches) = alpha(exponent(constant(room), a_dx, constant(shift)));
         let [red, green, blue, transmittance] = row;
         let (Some(red), Some(green), Some(blue), Some(transmittance)) = (
             red.get_mut(lanes.clone()),
@@ -114,7 +140,7 @@ fn strip<V: Lanes>(
             blue.get_mut(lanes.clone()),
             transmittance.get_mut(lanes.clone()),
         ) else {
-            return;
+            break;
         };
         let before = [
             V::load(token, red),
@@ -123,8 +149,7 @@ fn strip<V: Lanes>(
             V::load(token, transmittance),
         ];
         let blended = touches & inside & before[3].reaches(constant(LEAST_TRANSMITTANCE));
-        counts.evaluations += V::LEN as u64;
-        counts.blends += u64::from(V::bits(blended).count_ones());
+        blends += V::bits(blended).count_ones();
         let alpha = V::select(blended, alpha, constant(0.0));
         let [r, g, b, t] = blend(before, alpha, color);
         r.store(red);
@@ -132,6 +157,7 @@ fn strip<V: Lanes>(
         b.store(blue);
         t.store(transmittance);
     }
+    u64::from(blends)
 }
 
 /// Columns of a strip from its first one on.

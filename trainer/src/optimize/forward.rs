@@ -160,7 +160,9 @@ fn draw_band(
     let run = row * grid.columns..(row + 1) * grid.columns;
     let pairs = counts[run.start as usize..run.end as usize].iter().sum::<u32>();
     let mut band = Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()] };
-    fill_run(grid, splats, counts, run.clone(), &mut band.pairs, &mut band.ends);
+    let longest = counts[run.start as usize..run.end as usize].iter().max().map_or(0, |&n| n);
+    let mut spare = vec![Pair::default(); longest as usize];
+    fill_run(grid, splats, counts, run.clone(), &mut band.pairs, &mut spare, &mut band.ends);
     let mut tile_pixels = Box::new(TilePixels::clear());
     let mut start = 0;
     for (tile, &end) in run.zip(&band.ends) {
