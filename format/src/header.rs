@@ -83,7 +83,7 @@ pub struct Header {
     pub harmonics_degree: u8,
     /// Whether a Gaussian of layer m has an opacity for each level m, m+1, ….
     pub opacity_per_level: bool,
-    /// Lower corner of the rest pose's box, metres.
+    /// Lower corner of the rest pose's box (World: of the Gaussians'), metres.
     pub box_min: [f32; 3],
     /// Upper corner of the rest pose's box, metres.
     pub box_max: [f32; 3],

@@ -4,7 +4,8 @@
 //! 2. [`picture`] draws and compares pictures.
 //! 3. [`compare`] measures the runtime against the reference, and a file against its cloud.
 //! 4. [`golden`] compares with stored pictures and shows the difference.
-//! 5. [`files`] finds the workspace and its data, and makes small glTF files.
+//! 5. [`files`] finds the workspace and its data, and makes small glTF files; [`splats`] makes PLYs of
+//!    Gaussians and draws them without our file in between.
 //! 6. [`command`] builds and runs the `dermis` command.
 
 pub mod command;
@@ -13,3 +14,4 @@ pub mod files;
 pub mod golden;
 pub mod picture;
 pub mod small;
+pub mod splats;

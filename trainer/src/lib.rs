@@ -11,18 +11,23 @@
 //! 6. [`draw`] draws a file as its users will, [`orbit`] places a camera; [`eval`] and [`metrics`] compare with the mesh, and
 //!    with a reference renderer in f64; [`page`] shows it.
 //!
+//! [`convert`] takes another way to the bytes, from Gaussians that are trained already; [`mannequin`]
+//! makes Gaussians to measure on.
+//!
 //! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
 //! options and seed give the same bytes on one platform, whatever the number of threads (the truth is
 //! rendered with the platform's own powers and sines). The command line stands
 //! in `main.rs` and `commands/`, which only read arguments and print.
 
 pub mod camera_file;
+pub mod convert;
 pub mod demo;
 pub mod describe;
 pub mod draw;
 pub mod embed;
 pub mod eval;
 pub mod import;
+pub mod mannequin;
 pub mod metrics;
 pub mod model;
 pub mod optimize;

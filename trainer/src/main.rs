@@ -37,6 +37,8 @@ enum Command {
     Demo(commands::demo::Arguments),
     /// Trains an avatar from a rigged mesh (GLB, glTF or OBJ).
     Train(commands::train::Arguments),
+    /// Turns trained Gaussians of another program into an avatar without a mesh.
+    Convert(commands::convert::Arguments),
     /// Prints what a file holds, byte by byte.
     Info(commands::info::Arguments),
     /// Draws one picture.
@@ -64,6 +66,7 @@ fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Demo(arguments) => commands::demo::run(arguments, &cli.common),
         Command::Train(arguments) => commands::train::run(arguments, &cli.common),
+        Command::Convert(arguments) => commands::convert::run(arguments, &cli.common),
         Command::Info(arguments) => commands::info::run(arguments, &cli.common),
         Command::Render(arguments) => commands::render::run(arguments, &cli.common),
         Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),

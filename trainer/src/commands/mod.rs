@@ -1,5 +1,6 @@
 //! One file a subcommand: its arguments, and what it prints.
 
+pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod info;

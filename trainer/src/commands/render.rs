@@ -141,7 +141,10 @@ fn pose(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Pose<'static>> {
     let Some(name) = &arguments.clip else { return Ok(Pose::Rest) };
     let clip = avatar.clips().position(|clip| clip.name == name).with_context(|| {
         let names: Vec<&str> = avatar.clips().map(|clip| clip.name).collect();
-        format!("has no clip {name}; choose one of: {}", names.join(", "))
+        match names.as_slice() {
+            [] => format!("has no clip {name}, nor any other; leave --clip out"),
+            _ => format!("has no clip {name}; choose one of: {}", names.join(", ")),
+        }
     })?;
     Ok(Pose::Clip { clip, seconds: arguments.time })
 }
