@@ -213,7 +213,8 @@ impl Shape for Fulls {
             V::load_integers(token, codes)
         };
         let others = [integers(ROTATION + 1), integers(ROTATION + 2), integers(ROTATION + 3)];
-        for (column, value) in self.rotation.iter_mut().zip(quaternion(integers(ROTATION), others)) {
+        for (column, value) in self.rotation.iter_mut().zip(quaternion(integers(ROTATION), others))
+        {
             store(value, column, at);
         }
     }
@@ -346,4 +347,3 @@ impl<G: Shape> Work for Decode<'_, G> {
         }
     }
 }
-

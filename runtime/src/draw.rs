@@ -69,7 +69,8 @@ impl Prepared<'_> {
         self.for_each_list(tile_rows, lists, |tile, order| {
             for pixels in pixels.iter_mut() {
                 *pixels = TilePixels::clear();
-                counts += draw_tile(self.kernel, self.splats, order, self.grid.pixels(tile), pixels);
+                counts +=
+                    draw_tile(self.kernel, self.splats, order, self.grid.pixels(tile), pixels);
                 finished(tile, order, pixels);
             }
         })?;

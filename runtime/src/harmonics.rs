@@ -73,7 +73,7 @@ mod tests {
     /// Orthonormal over the sphere: the integral of bᵢ bⱼ is 1 where i = j, else 0.
     #[test]
     #[inline(always)]
-fn basis_is_orthonormal() {
+    fn basis_is_orthonormal() {
         let n = 400;
         let mut gram = [[0.0f64; 15]; 15];
         for i in 0..n {

@@ -34,6 +34,47 @@ impl Kernel {
     }
 }
 
+impl Kernel {
+    /// "scalar", or the name of the level.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Simd(Level::Sse2(_)) => "sse2",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Simd(Level::Sse4_2(_)) => "sse4.2",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Simd(Level::Avx2(_)) => "avx2",
+            #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+            Self::Simd(Level::Avx512(_)) => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Self::Simd(Level::Neon(_)) => "neon",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd(Level::WasmSimd128(_)) => "simd128",
+            Self::Simd(_) => "fallback",
+        }
+    }
+
+    /// All that this CPU has, from the specification to the widest.
+    #[cfg(feature = "std")]
+    pub fn available() -> heapless::Vec<Self, 8> {
+        let best = Level::new();
+        let mut kernels = heapless::Vec::new();
+        let _ = kernels.push(Self::Scalar);
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        let levels = [
+            best.as_sse2().map(Level::Sse2),
+            best.as_sse4_2().map(Level::Sse4_2),
+            best.as_avx2().map(Level::Avx2),
+            best.as_avx512().map(Level::Avx512),
+        ];
+        #[cfg(not(any(target_arch = "x86", target_arch = "x86_64")))]
+        let levels = [Some(best).filter(|best| !best.is_fallback())];
+        kernels.extend(levels.into_iter().flatten().map(Self::Simd));
+        kernels
+    }
+}
+
 /// Work written once for all widths of vectors.
 pub trait Work {
     /// What it gives.

@@ -16,6 +16,7 @@
 //! needs. World axes are glTF's (metres, right-handed, +Y up), camera axes OpenCV's.
 #![no_std]
 
+pub mod batch;
 pub mod camera;
 pub mod draw;
 pub mod error;
@@ -23,6 +24,8 @@ pub mod frame;
 pub mod framebuffer;
 pub mod gaussian;
 pub mod harmonics;
+pub mod kernel;
+pub mod lanes;
 pub mod math;
 pub mod plan;
 pub mod pose;
@@ -30,11 +33,8 @@ pub mod posed;
 pub mod prepare;
 pub mod project;
 pub mod raster;
-pub mod batch;
-pub mod kernel;
-pub mod lanes;
-pub mod screen;
 mod scratch;
+pub mod screen;
 pub mod select;
 mod sort;
 pub mod tiles;
@@ -42,8 +42,8 @@ pub mod tiles;
 pub use camera::Camera;
 pub use dermis_format::Avatar;
 pub use error::Error;
-pub use kernel::{Kernel, Level};
 pub use framebuffer::{Background, Framebuffer};
+pub use kernel::{Kernel, Level};
 pub use plan::Plan;
 pub use pose::Pose;
 pub use posed::Posed;

@@ -323,7 +323,8 @@ pub fn exp2_of_alpha<S: Single>(p: S) -> S {
     let rounder = p.like(ROUNDER);
     let rounded = p + rounder;
     let f = p - (rounded - rounder);
-    let power = polynomial(f, [0.999_999_26, 0.693_121_8, 0.240_247_45, 0.055_917_86, 0.009_570_102]);
+    let power =
+        polynomial(f, [0.999_999_26, 0.693_121_8, 0.240_247_45, 0.055_917_86, 0.009_570_102]);
     power * S::power_of_two(rounded)
 }
 

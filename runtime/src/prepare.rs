@@ -12,8 +12,8 @@ use crate::lanes::MAX_LANES;
 use crate::plan::{Plan, RegionPlan};
 use crate::posed::Posed;
 use crate::project::{Splat, View};
-use crate::screen::SplatCamera;
 use crate::scratch::{Scratch, words};
+use crate::screen::SplatCamera;
 use crate::select::{Harmonics, Place, for_each_block, for_each_of_block};
 use crate::tiles::{TileGrid, count_tiles};
 
@@ -52,16 +52,18 @@ impl<'s> Prepared<'s> {
             Scratch::new(scratch, Self::scratch_len(plan.gaussians(), width, height))?;
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
-        let camera = SplatCamera {
-            view: View::new(camera),
-            low_pass: posed.avatar().header().low_pass,
-        };
+        let camera =
+            SplatCamera { view: View::new(camera), low_pass: posed.avatar().header().low_pass };
         let mut filled = 0;
         for_each_block(posed.avatar(), plan, |block, region, drawn| {
             let rest = slots.get_mut(filled..).unwrap_or(&mut []);
             filled += match block.records {
-                Records::Disc(_) => project_block::<Discs>(posed, &camera, block, region, drawn, rest),
-                Records::Full(_) => project_block::<Fulls>(posed, &camera, block, region, drawn, rest),
+                Records::Disc(_) => {
+                    project_block::<Discs>(posed, &camera, block, region, drawn, rest)
+                }
+                Records::Full(_) => {
+                    project_block::<Fulls>(posed, &camera, block, region, drawn, rest)
+                }
             };
         });
         let splats: &[Splat] = slots.get(..filled).unwrap_or(&[]);

@@ -193,11 +193,7 @@ pub struct Footprint<R> {
 
 /// Which pixels projected Gaussians may touch, and which of them touch any.
 #[inline(always)]
-pub fn footprint<R: Real>(
-    view: &View<R>,
-    p: &Projected<R>,
-    opacity: R,
-) -> (Footprint<R>, R::Mask) {
+pub fn footprint<R: Real>(view: &View<R>, p: &Projected<R>, opacity: R) -> (Footprint<R>, R::Mask) {
     let constant = |x: f32| opacity.like(x);
     let zero = constant(0.0);
     let log2_opacity = (opacity * p.compensation).log2();

@@ -142,15 +142,23 @@ where
     let mut steps = [0.0; MAX_LANES];
     steps.iter_mut().zip(lanes).for_each(|(step, lane)| *step = lane.step);
     let step = V::load(token, &steps);
-    (0..degree_codes / 3).map(#[inline(always)] move |coefficient| {
-        each([0, 1, 2], #[inline(always)] |channel: usize| {
-            let mut codes = [0; MAX_LANES];
-            for (code, lane) in codes.iter_mut().zip(lanes) {
-                *code = lane.codes.get(coefficient * 3 + channel).map_or(0, |&c| i32::from(c));
-            }
-            V::load_integers(token, &codes) * step
-        })
-    })
+    (0..degree_codes / 3).map(
+        #[inline(always)]
+        move |coefficient| {
+            each(
+                [0, 1, 2],
+                #[inline(always)]
+                |channel: usize| {
+                    let mut codes = [0; MAX_LANES];
+                    for (code, lane) in codes.iter_mut().zip(lanes) {
+                        *code =
+                            lane.codes.get(coefficient * 3 + channel).map_or(0, |&c| i32::from(c));
+                    }
+                    V::load_integers(token, &codes) * step
+                },
+            )
+        },
+    )
 }
 
 /// Projected Gaussians before they are records.

@@ -59,9 +59,11 @@ impl Harmonics<'_> {
     /// (r, g, b) of one coefficient after the other.
     pub fn values<R: Scalar + 'static>(&self) -> impl Iterator<Item = [R; 3]> + '_ {
         let step = R::of(self.step);
-        self.codes.as_chunks::<3>().0.iter().map(move |codes| {
-            codes.map(|code| R::of(f32::from(code)) * step)
-        })
+        self.codes
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(move |codes| codes.map(|code| R::of(f32::from(code)) * step))
     }
 }
 

@@ -8,7 +8,9 @@ use dermis_format::source::{Mesh, Region, Source};
 use dermis_format::writer::encode;
 use dermis_format::{Disc, FrameKind, Full};
 use dermis_runtime::math::IDENTITY;
-use dermis_runtime::{Avatar, Background, Camera, Framebuffer, Plan, Pose, render, scratch_len};
+use dermis_runtime::{
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, render, scratch_len,
+};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 
 #[global_allocator]
@@ -114,13 +116,14 @@ fn least_allocations(source: &Source, pose: &Pose<'_>) -> usize {
     let mut pixels = vec![0; 100 * 60 * 4];
     let mut scratch = vec![0; scratch_len(&Avatar::parse(&bytes).unwrap(), 500, 100, 60)];
     let runs = (0..8).map(|_| {
+        let kernel = Kernel::detect();
         let before = ALLOCATOR.stats().allocations;
         let avatar = Avatar::parse(&bytes).unwrap();
         let plan = Plan::with_budget(&avatar, 400);
         let background = Background::Color([1.0; 3]);
         let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 400, background };
         let statistics =
-            render(&avatar, pose, &plan, &camera, &mut scratch, &mut framebuffer).unwrap();
+            render(&avatar, pose, &plan, &camera, kernel, &mut scratch, &mut framebuffer).unwrap();
         assert_eq!(statistics.gaussians_selected, 400);
         assert!(statistics.counts.blends > 1000);
         ALLOCATOR.stats().allocations - before

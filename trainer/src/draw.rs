@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use anyhow::Result;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics, render,
-    scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics,
+    render, scratch_len,
 };
 use serde::Serialize;
 

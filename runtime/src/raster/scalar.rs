@@ -118,16 +118,15 @@ mod tests {
                     crate::math::scale(across, lengths[1]),
                 ],
             };
-            let Some(p) = project(&view, LowPass::Classic, &disc) else { continue };
-            let Some(splat) = Splat::pack(&p, 0.01 + 0.98 * unit(), [1.0; 3], SIZE, SIZE) else {
-                continue;
-            };
+            let (p, drawable) = project(&view, LowPass::Classic, &disc);
+            let opacity = 0.01 + 0.98 * unit();
+            let splat = Splat::pack(&view, &p, opacity, [1.0; 3]).filter(|_| drawable);
+            let Some(splat) = splat else { continue };
             let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
             for y in y0..y1 {
                 let dy = y as f32 + 0.5 - splat.mean[1];
-                let touches = |x: &u32| {
-                    alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).1
-                };
+                let touches =
+                    |x: &u32| alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).1;
                 let span = row_span(&splat, dy, x0..x1);
                 assert!((x0..x1).filter(touches).all(|x| span.contains(&x)), "{splat:?} row {y}");
                 rows += 1;

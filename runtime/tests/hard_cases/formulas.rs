@@ -7,7 +7,7 @@ use dermis_runtime::harmonics;
 use dermis_runtime::math::{add, cross, dot, scale, sub};
 use dermis_runtime::project::{LOW_PASS, Projected, View, project};
 use dermis_runtime::select::Harmonics;
-use dermis_runtime::{Avatar, Camera, Plan, Pose, Posed, Prepared};
+use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
 use crate::scenes::{BALL, bytes, camera, camera_behind, cloud, sheet, visible};
 
@@ -115,7 +115,7 @@ fn harmonics_are_those_of_gaussian_splatting() {
             let mut codes = [0i8; 45];
             codes[number * 3 + channel] = 2;
             let harmonics = Harmonics { codes: &codes, step: 0.5 };
-            let color: [f64; 3] = harmonics::color([4.0; 3], harmonics, direction);
+            let color: [f64; 3] = harmonics::color([4.0; 3], harmonics.values(), direction);
             for (i, found) in color.into_iter().enumerate() {
                 let expected = if i == channel { expected } else { 0.0 };
                 near(found - 4.0, expected, 1e-6);
@@ -124,7 +124,7 @@ fn harmonics_are_those_of_gaussian_splatting() {
     }
     // Not below 0.
     let harmonics = Harmonics { codes: &[0, 0, 0, 127, -127, 0], step: 1.0 };
-    assert_eq!(harmonics::color([0.0; 3], harmonics, [0.0f64, 0.0, -1.0])[0], 0.0);
+    assert_eq!(harmonics::color([0.0; 3], harmonics.values(), [0.0f64, 0.0, -1.0])[0], 0.0);
 }
 
 /// The direction goes from the camera to the Gaussian, in world axes, and coefficients reach it
@@ -152,7 +152,7 @@ fn a_gaussian_is_coloured_by_the_direction_in_which_it_is_seen() {
             ..camera(64, 64, 32.0, 0.0)
         };
         let mut posing = vec![0; Posed::scratch_len(&avatar)];
-        let posed = Posed::new(&avatar, &Pose::Rest, &mut posing).unwrap();
+        let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
         let mut preparing = vec![0; Prepared::scratch_len(1, 64, 64)];
         let plan = Plan::with_budget(&avatar, 1);
         let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
@@ -201,7 +201,10 @@ fn of_axes<const N: usize>(
     center: [f64; 3],
     axes: [[f64; 3]; N],
 ) -> Projected<f64> {
-    project(&View::new(camera), LowPass::Classic, &Ellipsoid { center, axes }).unwrap()
+    let (projected, drawable) =
+        project(&View::new(camera), LowPass::Classic, &Ellipsoid { center, axes });
+    assert!(drawable);
+    projected
 }
 
 /// Each axis on the screen is the derivative of the pinhole map along it, by central differences.

@@ -1,11 +1,12 @@
 //! Budgets, sizes, strides, scratch and bands.
 
 use dermis_runtime::{
-    Avatar, Background, Camera, Error, Framebuffer, Plan, Pose, Posed, Prepared, Statistics,
-    render, scratch_len,
+    Avatar, Background, Camera, Error, Framebuffer, Kernel, Plan, Pose, Posed, Prepared,
+    Statistics, render, scratch_len,
 };
 
 use crate::scenes::{DOT, Picture, bytes, camera, crowd, sheet};
+use dermis_runtime::raster::Counts;
 
 /// 97 × 75 pixels: four columns and three rows of tiles, the last of both cut.
 fn view() -> Camera {
@@ -28,7 +29,8 @@ fn draw(
     let background = Background::Color([0.0; 3]);
     let mut framebuffer = Framebuffer { pixels: &mut pixels, stride, background };
     let plan = Plan::with_budget(avatar, u32::MAX);
-    let result = render(avatar, &Pose::Rest, &plan, camera, &mut scratch, &mut framebuffer);
+    let result =
+        render(avatar, &Pose::Rest, &plan, camera, Kernel::Scalar, &mut scratch, &mut framebuffer);
     (result, pixels)
 }
 
@@ -134,7 +136,7 @@ fn bands_make_the_whole_frame() {
     let plan = Plan::with_budget(&avatar, u32::MAX);
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(400, 97, 75)];
-    let posed = Posed::new(&avatar, &Pose::Rest, &mut posing).unwrap();
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
     assert_eq!(prepared.tile_rows(), 3);
     let background = Background::Color([0.0; 3]);
@@ -158,7 +160,10 @@ fn bands_make_the_whole_frame() {
     // Rows beyond the frame, and none, draw nothing.
     let mut none = Framebuffer { pixels: &mut [], stride: 97 * 4, background };
     for rows in [3..9, 1..1, 7..u32::MAX, u32::MAX..u32::MAX] {
-        assert_eq!(prepared.for_each_tile(rows.clone(), &mut scratch, |_, _, _| panic!()), Ok(0));
+        assert_eq!(
+            prepared.for_each_tile(rows.clone(), &mut scratch, |_, _, _| panic!()),
+            Ok(Counts::default())
+        );
         assert_eq!(prepared.draw_band(rows, &mut scratch, &mut none).unwrap().blends, 0);
     }
     let mut tiles = 0;
@@ -169,7 +174,7 @@ fn bands_make_the_whole_frame() {
     let error = prepared.draw(&mut scratch[..lent], &mut none).unwrap_err();
     assert!(matches!(error, Error::Framebuffer { needed: 29_100, lent: 0 }), "{error}");
     let error = prepared.for_each_tile(0..1, &mut scratch[..lent], |_, _, _| ()).unwrap_err();
-    let needed = 32 * 32 * 4 + 4 + 2 * prepared.splats().len();
+    let needed = 32 * 32 * 4 + 4 + 2 * 2 * prepared.splats().len();
     assert_eq!(error, Error::Scratch { needed, lent });
 }
 
@@ -182,11 +187,12 @@ fn steps_say_how_much_scratch_they_lack() {
     let mut scratch = vec![0; 100_000];
     let needed = Posed::scratch_len(&avatar);
     for lent in [0, needed - 1] {
-        let error = Posed::new(&avatar, &Pose::Rest, &mut scratch[..lent]).unwrap_err();
+        let error =
+            Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut scratch[..lent]).unwrap_err();
         assert_eq!(error, Error::Scratch { needed, lent });
     }
     let (posing, rest) = scratch.split_at_mut(needed);
-    let posed = Posed::new(&avatar, &Pose::Rest, posing).unwrap();
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, posing).unwrap();
     let needed = Prepared::scratch_len(100, 97, 75);
     for lent in [0, needed - 1] {
         let error = Prepared::new(&posed, &plan, &view(), &mut rest[..lent]).unwrap_err();
@@ -213,7 +219,15 @@ fn a_plan_of_another_avatar_is_an_error() {
         let background = Background::Existing;
         let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 32, background };
         let camera = camera(8, 8, 8.0, 1.0);
-        let result = render(&drawn, &Pose::Rest, &plan, &camera, &mut scratch, &mut framebuffer);
+        let result = render(
+            &drawn,
+            &Pose::Rest,
+            &plan,
+            &camera,
+            Kernel::Scalar,
+            &mut scratch,
+            &mut framebuffer,
+        );
         assert_eq!(result.is_ok(), works);
         assert!(works || result == Err(Error::Plan));
     }
@@ -231,7 +245,16 @@ fn what_scratch_held_before_does_not_matter() {
         let mut pixels = vec![0; 97 * 75 * 4];
         let background = Background::Color([0.0; 3]);
         let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 97 * 4, background };
-        render(&avatar, &Pose::Rest, &plan, &view(), &mut scratch, &mut framebuffer).unwrap();
+        render(
+            &avatar,
+            &Pose::Rest,
+            &plan,
+            &view(),
+            Kernel::detect(),
+            &mut scratch,
+            &mut framebuffer,
+        )
+        .unwrap();
         assert_eq!(pixels, expected.pixels);
     }
 }

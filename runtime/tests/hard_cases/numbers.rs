@@ -4,7 +4,7 @@ use dermis_format::rig::Property;
 use dermis_format::source::{Channel, Clip, Gaussians, Joint, Morph, Rig, Source};
 use dermis_format::{Disc, FrameKind, Full};
 use dermis_runtime::math::{Affine, IDENTITY};
-use dermis_runtime::{Avatar, Camera, Error, Plan, Pose, Posed};
+use dermis_runtime::{Avatar, Camera, Error, Kernel, Plan, Pose, Posed};
 use proptest::prelude::*;
 
 use crate::scenes::{
@@ -209,7 +209,7 @@ pub(crate) fn rigged() -> Source {
 /// Vertex 3 in a pose.
 fn vertex(avatar: &Avatar<'_>, pose: &Pose<'_>) -> [f32; 3] {
     let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    Posed::new(avatar, pose, &mut scratch).unwrap().vertices()[3]
+    Posed::new(avatar, pose, Kernel::Scalar, &mut scratch).unwrap().vertices()[3]
 }
 
 #[test]
@@ -244,8 +244,9 @@ fn poses_of_other_avatars_are_errors() {
     let bytes = bytes(&rigged());
     let avatar = Avatar::parse(&bytes).unwrap();
     let mut scratch = vec![0; Posed::scratch_len(&avatar)];
-    let mut error =
-        |pose: &Pose<'_>| Posed::new(&avatar, pose, &mut scratch).map(|_| ()).unwrap_err();
+    let mut error = |pose: &Pose<'_>| {
+        Posed::new(&avatar, pose, Kernel::Scalar, &mut scratch).map(|_| ()).unwrap_err()
+    };
     let pose = |what, expected, found| Error::Pose { what, expected, found };
     let worlds = [IDENTITY; 3];
     assert_eq!(error(&Pose::Vertices(&[[0.0; 3]; 5])), pose("vertices", 6, 5));

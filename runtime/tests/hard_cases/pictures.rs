@@ -3,7 +3,8 @@
 use dermis_format::source::Source;
 use dermis_format::{Disc, Full, LowPass};
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Plan, Pose, Posed, Prepared, render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, raster, render,
+    scratch_len,
 };
 use proptest::prelude::*;
 
@@ -83,7 +84,8 @@ fn check_against_formula(disc: Disc, low_pass: LowPass) {
     };
     let center =
         [16.0 + 24.0 * f64::from(disc.position[0]), 16.0 - 24.0 * f64::from(disc.position[1])];
-    for (at, pixel) in tiles[0].iter().enumerate() {
+    for at in 0..32 * 32 {
+        let pixel = raster::pixel(&tiles[0].0[at / 32], at % 32);
         let dx = (at % 32) as f64 + 0.5 - center[0];
         let dy = (at / 32) as f64 + 0.5 - center[1];
         let q = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / filtered;
@@ -163,7 +165,7 @@ fn splat_color(source: &Source, camera: &Camera) -> [f32; 3] {
     let avatar = Avatar::parse(&bytes).unwrap();
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(1, camera.width, camera.height)];
-    let posed = Posed::new(&avatar, &Pose::Rest, &mut posing).unwrap();
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
     let plan = Plan::with_budget(&avatar, 1);
     let prepared = Prepared::new(&posed, &plan, camera, &mut preparing).unwrap();
     prepared.splats()[0].color
@@ -206,7 +208,8 @@ fn over(source: &Source, budget: u32, background: Background, before: [u8; 4]) -
     let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 36, background };
     let mut scratch = vec![0; scratch_len(&avatar, u32::MAX, 9, 9)];
     let plan = Plan::with_budget(&avatar, budget);
-    render(&avatar, &Pose::Rest, &plan, &camera, &mut scratch, &mut framebuffer).unwrap();
+    render(&avatar, &Pose::Rest, &plan, &camera, Kernel::detect(), &mut scratch, &mut framebuffer)
+        .unwrap();
     pixels.as_chunks().0.to_vec()
 }
 

@@ -5,8 +5,8 @@ use dermis_format::writer::encode;
 use dermis_format::{Disc, FrameKind, Full, LowPass, ScaleLaw};
 use dermis_runtime::raster::TilePixels;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Plan, Pose, Posed, Prepared, Statistics, render,
-    scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Level, Plan, Pose, Posed, Prepared,
+    Statistics, render, scratch_len,
 };
 
 /// A triangle whose frame is the world's: centroid 0, x = (1, 0, 0), normal (0, 0, 1), area 1 m².
@@ -155,7 +155,27 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
+    /// Drawn by every kernel: all pictures are the same, and so are their statistics but for the
+    /// lanes.
     pub(crate) fn of(avatar: &Avatar<'_>, pose: &Pose<'_>, plan: &Plan, camera: &Camera) -> Self {
+        let scalar = Self::by(Kernel::Scalar, avatar, pose, plan, camera);
+        for kernel in kernels() {
+            let mut other = Self::by(kernel, avatar, pose, plan, camera);
+            let lanes = &mut other.statistics.counts.evaluations;
+            assert!(*lanes >= scalar.statistics.counts.blends, "{}", kernel.name());
+            *lanes = scalar.statistics.counts.evaluations;
+            assert!(other == scalar, "{} draws another picture than scalar", kernel.name());
+        }
+        scalar
+    }
+
+    fn by(
+        kernel: Kernel,
+        avatar: &Avatar<'_>,
+        pose: &Pose<'_>,
+        plan: &Plan,
+        camera: &Camera,
+    ) -> Self {
         let (width, height) = (camera.width as usize, camera.height as usize);
         let mut scratch =
             vec![0x7fc0_1234; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
@@ -166,7 +186,7 @@ impl Picture {
             background: Background::Color([0.0; 3]),
         };
         let statistics =
-            render(avatar, pose, plan, camera, &mut scratch, &mut framebuffer).unwrap();
+            render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer).unwrap();
         Self { width, pixels, statistics }
     }
 
@@ -191,9 +211,30 @@ impl Picture {
     }
 }
 
-/// Every tile's pixels before they become bytes, whole frame. Asserts that they are finite, that
-/// colours are not negative and that transmittance is in [0, 1].
+/// Every kernel of this machine, and the one that vectors fall back to where there are none.
+pub(crate) fn kernels() -> impl Iterator<Item = Kernel> {
+    Kernel::available().into_iter().chain([Kernel::Simd(Level::fallback())])
+}
+
+/// Every tile's pixels before they become bytes, whole frame, the same bits by every kernel.
+/// Asserts that they are finite, that colours are not negative and that transmittance is in [0, 1].
 pub(crate) fn tiles(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    camera: &Camera,
+) -> Vec<TilePixels> {
+    let scalar = tiles_by(Kernel::Scalar, avatar, pose, plan, camera);
+    for kernel in kernels() {
+        let other = tiles_by(kernel, avatar, pose, plan, camera);
+        let same = bytemuck::cast_slice::<_, u8>(&other) == bytemuck::cast_slice::<_, u8>(&scalar);
+        assert!(same, "{} gives other bits than scalar", kernel.name());
+    }
+    scalar
+}
+
+fn tiles_by(
+    kernel: Kernel,
     avatar: &Avatar<'_>,
     pose: &Pose<'_>,
     plan: &Plan,
@@ -203,14 +244,17 @@ pub(crate) fn tiles(
     let mut posing = vec![u32::MAX; Posed::scratch_len(avatar)];
     let mut preparing = vec![u32::MAX; Prepared::scratch_len(budget, width, height)];
     let mut drawing = vec![u32::MAX; Prepared::band_scratch_len(budget, width, height)];
-    let posed = Posed::new(avatar, pose, &mut posing).unwrap();
+    let posed = Posed::new(avatar, pose, kernel, &mut posing).unwrap();
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing).unwrap();
     let mut tiles = Vec::new();
     prepared
         .for_each_tile(0..prepared.tile_rows(), &mut drawing, |_, _, pixels| {
-            for &[r, g, b, t] in pixels {
-                let good = [r, g, b].iter().all(|c| c.is_finite() && *c >= 0.0);
-                assert!(good && (0.0..=1.0).contains(&t), "{:?}", [r, g, b, t]);
+            for [r, g, b, t] in &pixels.0 {
+                let good = [r, g, b].into_iter().flatten().all(|c| c.is_finite() && *c >= 0.0);
+                assert!(
+                    good && t.iter().all(|t| (0.0..=1.0).contains(t)),
+                    "{r:?} {g:?} {b:?} {t:?}"
+                );
             }
             tiles.push(*pixels);
         })

@@ -113,8 +113,11 @@ fn galleries(avatar: &Avatar<'_>, model: &Model, out: &Path) -> Result<Vec<Galle
             let plan = Plan::with_budget(avatar, budget);
             let drawn = draw(avatar, &runtime_pose(&frame), &plan, &cameras[0], WHITE)?;
             let name = format!("{}_{budget}.png", clip.name);
-            let caption =
-                format!("{} Gaussians, {} blends", plan.gaussians(), drawn.statistics.counts.blends);
+            let caption = format!(
+                "{} Gaussians, {} blends",
+                plan.gaussians(),
+                drawn.statistics.counts.blends
+            );
             figures.push(figure(out, &name, &rgb_of(&drawn.rgba), caption)?);
         }
         galleries

@@ -118,7 +118,8 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
         Kernel::Scalar => dermis_runtime::Kernel::Scalar,
         Kernel::Simd | Kernel::Reference => dermis_runtime::Kernel::detect(),
     };
-    let (mut drawn, plan, ms) = draw_timed(avatar, &pose, plan, kernel, &shot.camera, shot.background)?;
+    let (mut drawn, plan, ms) =
+        draw_timed(avatar, &pose, plan, kernel, &shot.camera, shot.background)?;
     if arguments.kernel == Kernel::Reference {
         let exact = draw_reference(avatar, &pose, &plan, &shot.camera, shot.background)?;
         let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
