@@ -19,6 +19,9 @@ pub enum File {
 }
 
 impl File {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Figure, Self::Ribbon, Self::Ball, Self::Layered];
+
     /// Its bytes.
     pub const fn bytes(self) -> &'static [u8] {
         match self {

@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use dermis_runtime::tiles::TILE;
-use dermis_runtime::{Avatar, Plan, Posed, Prepared};
+use dermis_runtime::{Avatar, Plan, Posed, Prepared, render};
 
 use crate::cases::{Amount, Case};
 use crate::how::How;
@@ -68,6 +68,27 @@ pub fn run(case: &Case, how: &How, scratch: &mut [u32], pixels: &mut [u8]) -> Re
         }
         Ok(())
     })?;
+    Ok(crc32fast::hash(pixels))
+}
+
+/// The same by [`dermis_runtime::render`], which does all stages at once.
+pub fn run_at_once(
+    case: &Case,
+    how: &How,
+    scratch: &mut [u32],
+    pixels: &mut [u8],
+) -> Result<u32, Error> {
+    let pixels = frame(case, how, pixels)?;
+    let avatar = Avatar::parse(case.avatar.bytes()).map_err(Error::Avatar)?;
+    let plan = plan(case, &avatar);
+    let missing = Error::Memory { needed: words(case, &avatar, &plan), lent: scratch.len() };
+    let (vertices, scratch) =
+        scratch.split_at_mut_checked(case.stand.vertices(&avatar) * 3).ok_or(missing)?;
+    let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
+    let pose = case.stand.pose(&avatar, vertices);
+    let camera = case.view.camera(case.size);
+    let mut framebuffer = how.format.framebuffer(case, pixels);
+    render(&avatar, &pose, &plan, &camera, scratch, &mut framebuffer)?;
     Ok(crc32fast::hash(pixels))
 }
 

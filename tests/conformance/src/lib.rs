@@ -7,6 +7,7 @@
 //! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory.
 //! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show.
 //! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
+//! 6. [`digest`] reads the rest of a file, for those who look for panic paths.
 //!
 //! [`check`] does all of it for one case. Run it on this machine, and renew the table, with
 //!
@@ -21,12 +22,15 @@
 pub mod avatars;
 pub mod cameras;
 pub mod cases;
+pub mod digest;
 pub mod draw;
 pub mod expected;
 pub mod how;
 pub mod poses;
 
+pub use avatars::File;
 pub use cases::{CASES, Case};
+pub use digest::digest;
 pub use draw::{Error, PIXEL_BYTES, SCRATCH_WORDS, run};
 pub use how::{Format, How};
 

@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use dermis_conformance::{
-    CASES, Case, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check, draw, expected, run,
+    CASES, Case, File, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check, digest, draw,
+    expected, run,
 };
 
 const WHOLE: How = How { format: Format::Rgba8, bands: 1 };
@@ -71,6 +72,8 @@ fn frames_do_not_depend_on_the_memory_lent() {
         let mut least = vec![0xAAAA_AAAA; draw::scratch_len(case).expect(case.name)];
         let mut exact = vec![0x55; Format::Rgba8.frame_len(case)];
         assert_eq!(run(case, &WHOLE, &mut least, &mut exact), crc, "{}", case.name);
+        let at_once = draw::run_at_once(case, &WHOLE, &mut least, &mut exact);
+        assert_eq!(at_once, crc, "{} by render", case.name);
     }
 }
 
@@ -126,6 +129,14 @@ fn threaded(
         })
     })?;
     Ok(crc32fast::hash(frame))
+}
+
+/// What a file says of itself can be read, and is not the same for all.
+#[test]
+fn files_can_be_read() {
+    let digests: BTreeSet<u32> =
+        File::ALL.iter().map(|file| digest(*file).expect("it is valid")).collect();
+    assert_eq!(digests.len(), File::ALL.len());
 }
 
 #[test]
