@@ -7,7 +7,7 @@
 //! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory.
 //! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show.
 //! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
-//! 6. [`digest`] reads the rest of a file, for those who look for panic paths.
+//! 6. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
 //!
 //! [`check`] does all of it for one case. Run it on this machine, and renew the table, with
 //!
