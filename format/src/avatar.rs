@@ -193,12 +193,13 @@ impl<'a> Avatar<'a> {
 
     fn check_layers(&self, counts: &Counts) -> Result<(), Error> {
         let mut total = 0u64;
-        for region in 0..usize::from(self.header.regions) {
+        let regions = counts.regions.iter().take(usize::from(self.header.regions));
+        for (region, &in_blocks) in regions.enumerate() {
             let mut sum = 0u64;
             for layer in 0..usize::from(self.header.layers) {
                 sum += u64::from(self.layer_len(region, layer));
             }
-            if sum != u64::from(counts.regions[region]) {
+            if sum != u64::from(in_blocks) {
                 return malformed("LAYR", "the layers of a region do not add up to its blocks");
             }
             total += sum;

@@ -16,7 +16,8 @@
 /// At most this many Gaussians stand in a block.
 pub const BLOCK_LEN: u32 = 4096;
 
-/// Rank of the Gaussian at place `place` of a block of `count`: a permutation of 0..count.
+/// Rank of the Gaussian at place `place` of a block of `count`: a permutation of 0..count. `place` is
+/// below `count`.
 #[inline]
 pub fn rank(place: u32, count: u32) -> u32 {
     let mut rank = 0;
@@ -25,7 +26,8 @@ pub fn rank(place: u32, count: u32) -> u32 {
         let bit = bits & bits.wrapping_neg();
         // Places that agree below this bit and have a 0 here come before; each 2 · bit apart.
         let before = place & (bit - 1);
-        rank += (count - before).div_ceil(2 * bit);
+        // ⌈n / 2ᵗ⁺¹⌉ by shifts, which cannot divide by zero, whatever the place.
+        rank += ((count - before - 1) >> bit.trailing_zeros() >> 1) + 1;
         bits ^= bit;
     }
     rank

@@ -1,0 +1,19 @@
+//! The memory that the runtime is lent: the board's second RAM.
+
+use core::cell::UnsafeCell;
+
+use dermis_conformance::{PIXEL_BYTES, SCRATCH_WORDS};
+
+struct Lent<T>(UnsafeCell<T>);
+
+// SAFETY: one core without interrupts runs the program, and `take` is called once.
+unsafe impl<T> Sync for Lent<T> {}
+
+static SCRATCH: Lent<[u32; SCRATCH_WORDS]> = Lent(UnsafeCell::new([0; SCRATCH_WORDS]));
+static PIXELS: Lent<[u8; PIXEL_BYTES]> = Lent(UnsafeCell::new([0; PIXEL_BYTES]));
+
+/// Scratch and pixels. To be called once.
+pub(crate) fn take() -> (&'static mut [u32], &'static mut [u8]) {
+    // SAFETY: the program's entry calls this, once, and nothing else names the statics.
+    unsafe { (&mut *SCRATCH.0.get(), &mut *PIXELS.0.get()) }
+}

@@ -1,0 +1,63 @@
+//! "The same bytes everywhere", shown: named cases whose frames have the same CRC32 on every target.
+//!
+//! No operating system, no heap, no formatting: what runs this may be a bare microcontroller.
+//!
+//! 1. [`avatars`] are bytes in the tree, so that neither training nor the encoder changes a frame.
+//! 2. [`cases`] names what is drawn: avatar, pose ([`poses`]), plan, camera ([`cameras`]), size, background.
+//! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory.
+//! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show.
+//! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
+//! 6. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
+//!
+//! [`check`] does all of it for one case. Run it on this machine, and renew the table, with
+//!
+//! ```text
+//! cargo test -p dermis-conformance
+//! DERMIS_BLESS=1 cargo test -p dermis-conformance --test same_bytes
+//! ```
+//!
+//! and on the targets that this machine can emulate with `.ci/targets`.
+#![no_std]
+
+pub mod avatars;
+pub mod cameras;
+pub mod cases;
+pub mod digest;
+pub mod draw;
+pub mod expected;
+pub mod how;
+pub mod poses;
+
+pub use avatars::File;
+pub use cases::{CASES, Case};
+pub use digest::digest;
+pub use draw::{Error, PIXEL_BYTES, SCRATCH_WORDS, run};
+pub use how::{Format, How};
+
+/// What became of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Its frame has the CRC32 of the table.
+    Same(u32),
+    /// It has another one.
+    Other {
+        /// Of the frame.
+        found: u32,
+        /// Of the table; none where it has no such row or column.
+        expected: Option<u32>,
+    },
+    /// It was not drawn.
+    Failed(Error),
+}
+
+/// Draws a case and compares it with the table. [`SCRATCH_WORDS`] and [`PIXEL_BYTES`] are enough
+/// for every case.
+pub fn check(case: &Case, how: &How, scratch: &mut [u32], pixels: &mut [u8]) -> Outcome {
+    match run(case, how, scratch, pixels) {
+        Err(error) => Outcome::Failed(error),
+        Ok(found) => match expected::crc32(case.name, how.format) {
+            Some(expected) if expected == found => Outcome::Same(found),
+            expected => Outcome::Other { found, expected },
+        },
+    }
+}

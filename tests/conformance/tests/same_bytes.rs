@@ -1,0 +1,152 @@
+//! Every case on the machine, or the emulator, that runs this: whole frames, bands, threads.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use dermis_conformance::{
+    CASES, Case, File, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check, digest, draw,
+    expected, run,
+};
+
+const WHOLE: How = How { format: Format::Rgba8, bands: 1 };
+
+fn memory() -> (Vec<u32>, Vec<u8>) {
+    (vec![0; SCRATCH_WORDS], vec![0; PIXEL_BYTES])
+}
+
+fn hows() -> impl Iterator<Item = How> {
+    Format::ALL.iter().map(|&format| How { format, ..WHOLE })
+}
+
+/// The table as this machine draws it. The words above its head are kept.
+fn table() -> String {
+    let (mut scratch, mut pixels) = memory();
+    let mut table = String::new();
+    for line in expected::TABLE.lines().filter(|line| line.starts_with('#')) {
+        writeln!(table, "{line}").expect("a string takes it");
+    }
+    let width = CASES.iter().map(|case| case.name.len()).max().unwrap_or(0);
+    write!(table, "{:width$}", "case").expect("a string takes it");
+    for format in Format::ALL {
+        write!(table, " {:8}", format.name()).expect("a string takes it");
+    }
+    for case in CASES {
+        write!(table, "\n{:width$}", case.name).expect("a string takes it");
+        for how in hows() {
+            let crc = run(case, &how, &mut scratch, &mut pixels).expect(case.name);
+            write!(table, " {crc:08x}").expect("a string takes it");
+        }
+    }
+    table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
+}
+
+/// `DERMIS_BLESS=1` renews the table.
+#[test]
+fn frames_are_those_of_the_table() {
+    if std::env::var_os("DERMIS_BLESS").is_some_and(|value| value == "1") {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("crc32.txt");
+        std::fs::write(path, table()).expect("the table can be written");
+        return;
+    }
+    let (mut scratch, mut pixels) = memory();
+    let mut others = String::new();
+    for how in hows() {
+        for case in CASES {
+            let outcome = check(case, &how, &mut scratch, &mut pixels);
+            if !matches!(outcome, Outcome::Same(_)) {
+                writeln!(others, "{} {}: {outcome:x?}", case.name, how.format.name())
+                    .expect("a string takes it");
+            }
+        }
+    }
+    assert!(others.is_empty(), "{others}DERMIS_BLESS=1 takes these frames as the expected ones");
+}
+
+/// What stands in the scratch and the framebuffer before does not show, nor does memory to spare.
+#[test]
+fn frames_do_not_depend_on_the_memory_lent() {
+    let (mut scratch, mut pixels) = memory();
+    for case in CASES {
+        let crc = run(case, &WHOLE, &mut scratch, &mut pixels);
+        let mut least = vec![0xAAAA_AAAA; draw::scratch_len(case).expect(case.name)];
+        let mut exact = vec![0x55; Format::Rgba8.frame_len(case)];
+        assert_eq!(run(case, &WHOLE, &mut least, &mut exact), crc, "{}", case.name);
+        let at_once = draw::run_at_once(case, &WHOLE, &mut least, &mut exact);
+        assert_eq!(at_once, crc, "{} by render", case.name);
+    }
+}
+
+/// Bands drawn one after the other, more of them than there are rows of tiles, too.
+#[test]
+fn bands_do_not_show() {
+    let (mut scratch, mut pixels) = memory();
+    for case in CASES {
+        let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
+        for bands in [2, 3, 64] {
+            let banded = run(case, &How { bands, ..WHOLE }, &mut scratch, &mut pixels);
+            assert_eq!(banded, whole, "{} in {bands} bands", case.name);
+        }
+    }
+}
+
+/// Four threads, each with a band and a scratch of its own.
+#[test]
+fn threads_do_not_show() {
+    let how = How { bands: 4, ..WHOLE };
+    let (mut scratch, mut pixels) = memory();
+    for case in CASES {
+        let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
+        assert_eq!(threaded(case, &how, &mut scratch, &mut pixels), whole, "{}", case.name);
+    }
+}
+
+fn threaded(
+    case: &Case,
+    how: &How,
+    scratch: &mut [u32],
+    pixels: &mut [u8],
+) -> Result<u32, draw::Error> {
+    let frame = draw::frame(case, how, pixels)?;
+    draw::prepare(case, scratch, |prepared, scratch| {
+        let words = scratch.len() / how.bands as usize;
+        let (mut scratches, mut rest) = (scratch.chunks_exact_mut(words), &mut *frame);
+        std::thread::scope(|scope| {
+            let workers: Vec<_> = draw::bands(case, how, prepared)
+                .map(|band| {
+                    let scratch = scratches.next().expect("a scratch for each band");
+                    let (pixels, after) = std::mem::take(&mut rest).split_at_mut(band.bytes.len());
+                    rest = after;
+                    let mut framebuffer = how.format.framebuffer(case, pixels);
+                    scope.spawn(move || {
+                        prepared.draw_band(band.tile_rows, scratch, &mut framebuffer)
+                    })
+                })
+                .collect();
+            workers.into_iter().try_for_each(|worker| {
+                worker.join().expect("no band panics").map(|_| ()).map_err(draw::Error::Runtime)
+            })
+        })
+    })?;
+    Ok(crc32fast::hash(frame))
+}
+
+/// What a file says of itself can be read, and is not the same for all.
+#[test]
+fn files_can_be_read() {
+    let digests: BTreeSet<u32> =
+        File::ALL.iter().map(|file| digest(*file).expect("it is valid")).collect();
+    assert_eq!(digests.len(), File::ALL.len());
+}
+
+#[test]
+fn names_are_unique_and_memory_is_enough() {
+    let names: BTreeSet<&str> = CASES.iter().map(|case| case.name).collect();
+    assert_eq!(names.len(), CASES.len());
+    for case in CASES {
+        assert!(draw::scratch_len(case).expect(case.name) <= SCRATCH_WORDS, "{}", case.name);
+        // As many bytes as the widest format takes, four floats.
+        let pixels = (case.size[0] + case.padding) as usize * case.size[1] as usize;
+        assert!(pixels * 16 <= PIXEL_BYTES, "{}", case.name);
+    }
+}

@@ -1,0 +1,69 @@
+//! The conformance set for a host of WebAssembly: `run.mjs` walks cases × formats by index.
+//!
+//! It needs neither imports nor a heap: a module of these exports and a memory.
+#![no_std]
+
+use core::cell::UnsafeCell;
+use core::panic::PanicInfo;
+
+use dermis_conformance::{CASES, Case, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check};
+
+struct Lent<T>(UnsafeCell<T>);
+
+// SAFETY: a module without shared memory has one thread.
+unsafe impl<T> Sync for Lent<T> {}
+
+static SCRATCH: Lent<[u32; SCRATCH_WORDS]> = Lent(UnsafeCell::new([0; SCRATCH_WORDS]));
+static PIXELS: Lent<[u8; PIXEL_BYTES]> = Lent(UnsafeCell::new([0; PIXEL_BYTES]));
+
+fn case(index: usize) -> Option<&'static Case> {
+    CASES.get(index)
+}
+
+/// How many cases there are.
+// SAFETY: no other symbol of the module has this name; so below.
+#[unsafe(no_mangle)]
+pub extern "C" fn cases() -> usize {
+    CASES.len()
+}
+
+/// How many formats there are.
+// SAFETY: as for `cases`.
+#[unsafe(no_mangle)]
+pub extern "C" fn formats() -> usize {
+    Format::ALL.len()
+}
+
+/// Where the name of a case begins.
+// SAFETY: as for `cases`.
+#[unsafe(no_mangle)]
+pub extern "C" fn name(index: usize) -> *const u8 {
+    case(index).map_or("", |case| case.name).as_ptr()
+}
+
+/// Bytes of the name of a case.
+// SAFETY: as for `cases`.
+#[unsafe(no_mangle)]
+pub extern "C" fn name_len(index: usize) -> usize {
+    case(index).map_or("", |case| case.name).len()
+}
+
+/// Draws a case in a format. The upper word is 0 if its frame is that of the table, 1 if it is another
+/// one, 2 if it was not drawn, 3 if there is no such case or format; the lower one the frame's CRC32.
+// SAFETY: as for `cases`.
+#[unsafe(no_mangle)]
+pub extern "C" fn draw(index: usize, format: usize) -> u64 {
+    let Some((case, &format)) = case(index).zip(Format::ALL.get(format)) else { return 3 << 32 };
+    // SAFETY: there is one thread, and nothing that is called here comes back to `draw`.
+    let (scratch, pixels) = unsafe { (&mut *SCRATCH.0.get(), &mut *PIXELS.0.get()) };
+    match check(case, &How { format, bands: 1 }, scratch, pixels) {
+        Outcome::Same(crc) => u64::from(crc),
+        Outcome::Other { found, .. } => 1 << 32 | u64::from(found),
+        Outcome::Failed(_) => 2 << 32,
+    }
+}
+
+#[panic_handler]
+fn panicked(_: &PanicInfo<'_>) -> ! {
+    core::arch::wasm32::unreachable()
+}
