@@ -1,7 +1,9 @@
 //! From an avatar's bytes to a picture: `cargo run --release --example hello -- IN.dermis OUT.png`.
 
 use anyhow::{Context, Result};
-use dermis_runtime::{Avatar, Background, Camera, Framebuffer, Plan, Pose, render, scratch_len};
+use dermis_runtime::{
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, render, scratch_len,
+};
 
 const WIDTH: u32 = 540;
 const HEIGHT: u32 = 540;
@@ -30,7 +32,10 @@ fn main() -> Result<()> {
         background: Background::Color([1.0, 1.0, 1.0]),
     };
     let camera = in_front_of(&avatar);
-    let statistics = render(&avatar, &pose, &plan, &camera, &mut scratch, &mut framebuffer)?;
+    // The widest vectors that this CPU has; every kernel draws the same bytes.
+    let kernel = Kernel::detect();
+    let statistics =
+        render(&avatar, &pose, &plan, &camera, kernel, &mut scratch, &mut framebuffer)?;
     println!("{statistics:?}");
     image::save_buffer(&picture, &pixels, WIDTH, HEIGHT, image::ColorType::Rgba8).context(picture)
 }

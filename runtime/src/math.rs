@@ -318,13 +318,12 @@ fn polynomial<R: Real, const N: usize>(x: R, coefficients: [f32; N]) -> R {
 /// on [−½, ½]. Relative error at most 3e-6 of either sign (2.6e-6 by the polynomial, the rest by
 /// rounding): 0.0008 of 255 at most. Outside its domain the result is meaningless.
 #[inline(always)]
-#[expect(clippy::approx_constant, reason = "the fitted slope at 0 is near ln 2, and not ln 2")]
 pub fn exp2_of_alpha<S: Single>(p: S) -> S {
     let rounder = p.like(ROUNDER);
     let rounded = p + rounder;
     let f = p - (rounded - rounder);
     let power =
-        polynomial(f, [0.999_999_26, 0.693_121_8, 0.240_247_45, 0.055_917_86, 0.009_570_102]);
+        polynomial(f, [0.999_999_3, 0.693_121_8, 0.240_247_45, 0.055_917_86, 0.009_570_102]);
     power * S::power_of_two(rounded)
 }
 
@@ -341,7 +340,7 @@ pub(crate) fn log2<S: Single>(x: S) -> S {
     let [m, n] = S::select(normal, x, x.like(1.0)).mantissa_and_exponent();
     let one = x.like(1.0);
     let s = (m - one) / (m + one);
-    let q = polynomial(s * s, [2.885_390_1, 0.961_798_84, 0.576_715_2, 0.431_717_7]);
+    let q = polynomial(s * s, [2.885_39, 0.961_798_84, 0.576_715_2, 0.431_717_7]);
     S::select(normal, n + s * q, x.like(-127.0))
 }
 
@@ -352,7 +351,7 @@ pub(crate) fn line<S: Single>(angle: S) -> [S; 2] {
     use core::f32::consts::FRAC_1_PI;
     // π in two parts, the first of 16 bits: k · PI_HIGH is exact for |k| < 256.
     const PI_HIGH: f32 = 3.140_625;
-    const PI_LOW: f32 = 9.676_535_9e-4;
+    const PI_LOW: f32 = 9.676_536e-4;
     let k = (angle * angle.like(FRAC_1_PI)).nearest();
     let phi = (angle - k * angle.like(PI_HIGH)) - k * angle.like(PI_LOW);
     let square = phi * phi;

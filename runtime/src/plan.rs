@@ -31,8 +31,7 @@ impl Plan {
         let budget = u64::from(budget).min(total);
         let share = |len: u32| (u64::from(len) * budget).checked_div(total).unwrap_or(0) as u32;
         let lens = (0..usize::from(avatar.header().regions)).map(|r| avatar.region_len(r));
-        let mut regions: heapless::Vec<(u32, u32), MAX_REGIONS> =
-            lens.map(|len| (share(len), len)).collect();
+        let mut regions = collected(lens.map(|len| (share(len), len)));
         let used: u64 = regions.iter().map(|&(count, _)| u64::from(count)).sum();
         // Rounding leaves fewer Gaussians than there are regions.
         for _ in used..budget {
@@ -51,7 +50,7 @@ impl Plan {
                 *count += 1;
             }
         }
-        Self::of_counts(avatar, regions.into_iter().map(|(count, _)| count))
+        Self::of_counts(avatar, regions.iter().map(|&(count, _)| count))
     }
 
     /// Level λ of every region: layers 0..=⌊λ⌋ whole, and that share of the next one.
@@ -73,11 +72,8 @@ impl Plan {
     /// The first `counts` Gaussians of each region; no more than it has.
     pub fn of_counts(avatar: &Avatar<'_>, counts: impl Iterator<Item = u32>) -> Self {
         let regions = (0..usize::from(avatar.header().regions)).zip(counts);
-        Self {
-            regions: regions
-                .map(|(region, count)| RegionPlan::new(avatar, region, count))
-                .collect(),
-        }
+        let regions = regions.map(|(region, count)| RegionPlan::new(avatar, region, count));
+        Self { regions: collected(regions) }
     }
 
     /// Gaussians of all regions. Those whose opacity at the plan's level is under 0.005 are counted
@@ -122,6 +118,15 @@ impl RegionPlan {
         }
         plan
     }
+}
+
+/// As many as there can be regions. (heapless' own `collect` panics on more.)
+fn collected<T>(items: impl Iterator<Item = T>) -> heapless::Vec<T, MAX_REGIONS> {
+    let mut vec = heapless::Vec::new();
+    for item in items.take(MAX_REGIONS) {
+        let _ = vec.push(item);
+    }
+    vec
 }
 
 /// log₂ of √(N / k), by which a prefix of k out of N widens its Gaussians; 0 for an empty one.

@@ -128,14 +128,13 @@ impl<G: Shape> Work for Project<'_, '_, G> {
 
 /// Coefficient after coefficient of lanes `at..`.
 #[inline(always)]
-fn coefficients<'a, V: Lanes>(
+fn coefficients<'a, V: Lanes + 'a>(
     token: V::Token,
     at: usize,
     harmonics: &'a [Harmonics<'_>],
 ) -> impl Iterator<Item = [V; 3]> + 'a
 where
     V::Token: 'a,
-    V: 'a,
 {
     let lanes = harmonics.get(at..).unwrap_or(&[]);
     let degree_codes = lanes.first().map_or(0, |first| first.codes.len());

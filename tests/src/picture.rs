@@ -1,7 +1,7 @@
 //! Pictures of avatars as floats.
 
-use dermis_runtime::tiles::{TILE, TileGrid};
-use dermis_runtime::{Avatar, Camera, Plan, Pose, Posed, Prepared};
+use dermis_runtime::tiles::TileGrid;
+use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared, raster};
 
 /// The runtime's picture before it is rounded to bytes: (r, g, b) of each pixel over `background`.
 pub fn unrounded(
@@ -15,14 +15,16 @@ pub fn unrounded(
     let mut posing = vec![0; Posed::scratch_len(avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
-    let posed = Posed::new(avatar, pose, &mut posing).expect("scratch is long enough");
+    let posed =
+        Posed::new(avatar, pose, Kernel::detect(), &mut posing).expect("scratch is long enough");
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing).expect("as above");
     let grid = TileGrid::new(width, height);
     let mut picture = vec![[0.0; 3]; width as usize * height as usize];
     let drawn = prepared.for_each_tile(0..grid.rows, &mut drawing, |tile, _, pixels| {
         let [columns, rows] = grid.pixels(tile);
-        for (y, line) in rows.zip(pixels.chunks_exact(TILE as usize)) {
-            for (x, [r, g, b, t]) in columns.clone().zip(line) {
+        for (y, row) in rows.zip(&pixels.0) {
+            for (column, x) in columns.clone().enumerate() {
+                let [r, g, b, t] = raster::pixel(row, column);
                 let color = [0, 1, 2].map(|i| [r, g, b][i] + t * background[i]);
                 picture[(y * width + x) as usize] = color;
             }

@@ -1,6 +1,6 @@
 //! The built-in avatar, trained small.
 
-use dermis_runtime::{Avatar, Pose, Posed};
+use dermis_runtime::{Avatar, Kernel, Pose, Posed};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::model::Model;
 use dermis_trainer::optimize::forward::Stage;
@@ -33,7 +33,8 @@ pub fn trained_demo(options: &Options) -> (Model, Trained) {
 /// A pose of an avatar as training sees it.
 pub fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Stage {
     let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    let posed = Posed::new(avatar, pose, &mut scratch).expect("scratch is long enough");
+    let posed =
+        Posed::new(avatar, pose, Kernel::detect(), &mut scratch).expect("scratch is long enough");
     let triangles = avatar.header().triangles;
     Stage {
         frames: (0..triangles).map(|triangle| posed.frame(triangle)).collect(),

@@ -8,6 +8,7 @@
 use dermis_conformance::{CASES, Format, How, PIXEL_BYTES, SCRATCH_WORDS, run};
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::{Avatar, FrameKind, Full, LowPass, RecordKind, ScaleLaw, writer};
+use dermis_runtime::Kernel;
 use dermis_tests::files::{failures, workspace};
 use dermis_tests::small;
 use dermis_trainer::demo::demo_avatar;
@@ -168,7 +169,8 @@ fn frames_can_be_looked_at() {
     let mut sheet = RgbaImage::from_pixel(SHEET as u32 * CELL, rows * CELL, Rgba([90, 0, 90, 255]));
     let format = Format::Rgba8;
     for (index, case) in CASES.iter().enumerate() {
-        run(case, &How { format, bands: 1 }, &mut scratch, &mut pixels).expect(case.name);
+        run(case, &How { format, bands: 1, kernel: Kernel::detect() }, &mut scratch, &mut pixels)
+            .expect(case.name);
         let rows = pixels[..format.frame_len(case)].chunks_exact(format.stride(case));
         let packed = rows.flat_map(|row| &row[..case.size[0] as usize * 4]).copied().collect();
         let frame = RgbaImage::from_raw(case.size[0], case.size[1], packed).expect("its size");

@@ -36,7 +36,8 @@ fn screen(
     [x, y, z, angle, s, t]: [f64; 6],
 ) -> [f64; 6] {
     let disc = disc_on(frame, [x, y, z], angle, [s, t]);
-    let p = project(view, low_pass, &disc).expect("in front of the camera");
+    let (p, drawable) = project(view, low_pass, &disc);
+    assert!(drawable, "in front of the camera");
     let [a, b, c] = p.falloff;
     [p.mean[0], p.mean[1], a, b, c, p.compensation.log2()]
 }
@@ -72,7 +73,9 @@ fn random_disc(random: &mut Random) -> (View<f64>, Frame<f64>, [f64; 6]) {
 
 /// Which slopes are clamped.
 fn clamps(view: &View<f64>, frame: &Frame<f64>, p: [f64; 6]) -> [bool; 2] {
-    view.slopes(view.point(frame.point([p[0], p[1], p[2]]))).map(|(_, clamped)| clamped)
+    let point @ [x, y, z] = view.point(frame.point([p[0], p[1], p[2]]));
+    let [sx, sy] = view.slopes(point);
+    [sx != x / z, sy != y / z]
 }
 
 #[test]
@@ -221,8 +224,8 @@ impl Scene {
             let mut blended = Vec::new();
             for &splat in &order {
                 let s = &forward.splats[splat];
-                let alpha = alpha(log2_alpha(s, x - s.mean[0], y - s.mean[1]));
-                if let Some(alpha) = alpha {
+                let (alpha, touches) = alpha(log2_alpha(s, x - s.mean[0], y - s.mean[1]));
+                if touches {
                     assert!(alpha < 0.9, "far from the clamp at 0.99");
                     transmittance *= 1.0 - alpha;
                     blended.push(forward.sources[splat]);

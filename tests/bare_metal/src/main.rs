@@ -16,7 +16,7 @@ mod start;
 use core::panic::PanicInfo;
 
 use dermis_conformance::draw::run_at_once;
-use dermis_conformance::{CASES, File, Format, How, Outcome, check, digest};
+use dermis_conformance::{CASES, File, Format, How, Kernel, Outcome, check, digest};
 
 /// Exit code of a panic.
 const PANICKED: u32 = 101;
@@ -32,7 +32,7 @@ extern "C" fn dermis_conformance_main() -> ! {
     }
     for &format in Format::ALL {
         // Two bands, so that the offsets of a second one are walked here, too.
-        let how = How { format, bands: 2 };
+        let how = How { format, bands: 2, kernel: Kernel::baseline() };
         for case in CASES {
             let outcome = check(case, &how, scratch, pixels);
             let at_once = run_at_once(case, &how, scratch, pixels);

@@ -60,7 +60,7 @@ pub fn bands(case: &Case, how: &How, prepared: &Prepared<'_>) -> impl Iterator<I
 /// Draws a case into the front of `pixels`: the CRC32 of its frame, padding included.
 pub fn run(case: &Case, how: &How, scratch: &mut [u32], pixels: &mut [u8]) -> Result<u32, Error> {
     let pixels = frame(case, how, pixels)?;
-    prepare(case, scratch, |prepared, scratch| {
+    prepare(case, how, scratch, |prepared, scratch| {
         for band in bands(case, how, prepared) {
             let pixels = pixels.get_mut(band.bytes).unwrap_or(&mut []);
             let mut framebuffer = how.format.framebuffer(case, pixels);
@@ -88,7 +88,7 @@ pub fn run_at_once(
     let pose = case.stand.pose(&avatar, vertices);
     let camera = case.view.camera(case.size);
     let mut framebuffer = how.format.framebuffer(case, pixels);
-    render(&avatar, &pose, &plan, &camera, scratch, &mut framebuffer)?;
+    render(&avatar, &pose, &plan, &camera, how.kernel, scratch, &mut framebuffer)?;
     Ok(crc32fast::hash(pixels))
 }
 
@@ -103,6 +103,7 @@ pub fn frame<'p>(case: &Case, how: &How, pixels: &'p mut [u8]) -> Result<&'p mut
 /// Makes a case ready to be drawn; `draw` gets the rest of the scratch, which is enough for a band.
 pub fn prepare<R>(
     case: &Case,
+    how: &How,
     scratch: &mut [u32],
     draw: impl FnOnce(&Prepared<'_>, &mut [u32]) -> Result<R, Error>,
 ) -> Result<R, Error> {
@@ -117,7 +118,7 @@ pub fn prepare<R>(
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
     // Three words for each vertex, so this cannot fail.
     let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
-    let posed = Posed::new(&avatar, &case.stand.pose(&avatar, vertices), posing)?;
+    let posed = Posed::new(&avatar, &case.stand.pose(&avatar, vertices), how.kernel, posing)?;
     let prepared = Prepared::new(&posed, &plan, &case.view.camera(case.size), preparing)?;
     draw(&prepared, drawing)
 }

@@ -1,16 +1,19 @@
 //! How a case is drawn.
 
 use dermis_runtime::Framebuffer;
+pub use dermis_runtime::Kernel;
 
 use crate::cases::Case;
 
 /// How a case is drawn. All but the format must not show.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub struct How {
     /// Of the framebuffer: a column of the table.
     pub format: Format,
     /// In how many bands of tile rows; at least 1. They may be drawn by as many threads.
     pub bands: u32,
+    /// With which instructions.
+    pub kernel: Kernel,
 }
 
 /// What a pixel is.

@@ -32,7 +32,7 @@ pub use avatars::File;
 pub use cases::{CASES, Case};
 pub use digest::digest;
 pub use draw::{Error, PIXEL_BYTES, SCRATCH_WORDS, run};
-pub use how::{Format, How};
+pub use how::{Format, How, Kernel};
 
 /// What became of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,12 +4,16 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use dermis_runtime::{Kernel, Level};
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::Simd;
+
 use dermis_conformance::{
     CASES, Case, File, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check, digest, draw,
     expected, run,
 };
 
-const WHOLE: How = How { format: Format::Rgba8, bands: 1 };
+const WHOLE: How = How { format: Format::Rgba8, bands: 1, kernel: Kernel::Scalar };
 
 fn memory() -> (Vec<u32>, Vec<u8>) {
     (vec![0; SCRATCH_WORDS], vec![0; PIXEL_BYTES])
@@ -77,6 +81,42 @@ fn frames_do_not_depend_on_the_memory_lent() {
     }
 }
 
+/// Every kernel that this machine has.
+#[test]
+fn kernels_do_not_show() {
+    let (mut scratch, mut pixels) = memory();
+    let mut others = String::new();
+    for kernel in kernels() {
+        for case in CASES {
+            let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
+            let how = How { kernel, bands: 2, ..WHOLE };
+            let drawn = run(case, &how, &mut scratch, &mut pixels);
+            if drawn != whole {
+                writeln!(others, "{} {kernel:?}: {drawn:x?}", case.name)
+                    .expect("a string takes it");
+            }
+        }
+    }
+    assert!(others.is_empty(), "{others}");
+}
+
+/// The fallback of vectors, and each level that this machine has.
+fn kernels() -> Vec<Kernel> {
+    let level = Level::new();
+    #[cfg(target_arch = "x86_64")]
+    let levels = [
+        level.as_sse2().map(Simd::level),
+        level.as_sse4_2().map(Simd::level),
+        level.as_avx2().map(Simd::level),
+        level.as_avx512().map(Simd::level),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let levels = [Some(level)];
+    let levels =
+        [Level::fallback(), Level::baseline()].into_iter().chain(levels.into_iter().flatten());
+    levels.map(Kernel::Simd).collect()
+}
+
 /// Bands drawn one after the other, more of them than there are rows of tiles, too.
 #[test]
 fn bands_do_not_show() {
@@ -108,7 +148,7 @@ fn threaded(
     pixels: &mut [u8],
 ) -> Result<u32, draw::Error> {
     let frame = draw::frame(case, how, pixels)?;
-    draw::prepare(case, scratch, |prepared, scratch| {
+    draw::prepare(case, how, scratch, |prepared, scratch| {
         let words = scratch.len() / how.bands as usize;
         let (mut scratches, mut rest) = (scratch.chunks_exact_mut(words), &mut *frame);
         std::thread::scope(|scope| {
