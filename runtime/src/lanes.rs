@@ -13,6 +13,20 @@ use crate::math::{ROOT_HALF_BITS, Real, Single};
 /// Most lanes of any vector.
 pub const MAX_LANES: usize = 16;
 
+/// One number of each of sixteen things.
+pub type Column = [f32; MAX_LANES];
+
+/// Lanes `at..` of a column.
+#[inline(always)]
+pub(crate) fn load<V: Lanes>(token: V::Token, column: &Column, at: usize) -> V {
+    V::load(token, column.get(at..).unwrap_or(&[]))
+}
+
+#[inline(always)]
+pub(crate) fn store<V: Lanes>(value: V, column: &mut Column, at: usize) {
+    value.store(column.get_mut(at..).unwrap_or(&mut []));
+}
+
 /// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
 pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
     /// How many; divides [`MAX_LANES`].

@@ -7,6 +7,7 @@ use crate::batch::{Batch, Codes, Decode, Discs, Fulls, Shape};
 use crate::camera::Camera;
 use crate::error::Error;
 use crate::frame::Frame;
+use crate::frames::FrameBlock;
 use crate::kernel::Kernel;
 use crate::lanes::MAX_LANES;
 use crate::plan::{Plan, RegionPlan};
@@ -32,8 +33,10 @@ pub struct Prepared<'s> {
 
 impl<'s> Prepared<'s> {
     /// Words of scratch for at most `budget` Gaussians on `width × height` pixels.
-    pub fn scratch_len(budget: u32, width: u32, height: u32) -> usize {
-        words::<Splat>(budget as usize).saturating_add(TileGrid::new(width, height).tiles())
+    pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
+        words::<Splat>(budget as usize)
+            .saturating_add(TileGrid::new(width, height).tiles())
+            .saturating_add(FrameBlock::count(avatar.header().triangles))
     }
 
     /// Projects the Gaussians of `plan` that can be seen. Dropped are: Gaussians on a triangle
@@ -46,24 +49,24 @@ impl<'s> Prepared<'s> {
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
         let (width, height) = (camera.width, camera.height);
-        check(posed.avatar(), plan, camera)?;
+        let avatar = posed.avatar();
+        check(avatar, plan, camera)?;
         let grid = TileGrid::new(width, height);
         let mut scratch =
-            Scratch::new(scratch, Self::scratch_len(plan.gaussians(), width, height))?;
+            Scratch::new(scratch, Self::scratch_len(avatar, plan.gaussians(), width, height))?;
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
+        let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let camera =
             SplatCamera { view: View::new(camera), low_pass: posed.avatar().header().low_pass };
+        posed.find_visible(camera.view.eye, visible);
+        let source = Source { posed, camera: &camera, visible };
         let mut filled = 0;
         for_each_block(posed.avatar(), plan, |block, region, drawn| {
             let rest = slots.get_mut(filled..).unwrap_or(&mut []);
             filled += match block.records {
-                Records::Disc(_) => {
-                    project_block::<Discs>(posed, &camera, block, region, drawn, rest)
-                }
-                Records::Full(_) => {
-                    project_block::<Fulls>(posed, &camera, block, region, drawn, rest)
-                }
+                Records::Disc(_) => source.project::<Discs>(block, region, drawn, rest),
+                Records::Full(_) => source.project::<Fulls>(block, region, drawn, rest),
             };
         });
         let splats: &[Splat] = slots.get(..filled).unwrap_or(&[]);
@@ -97,34 +100,47 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     Ok(())
 }
 
-/// Fills `slots` with the splats of a block's Gaussians that can be seen; returns how many.
-fn project_block<G: Shape>(
-    posed: &Posed<'_, '_>,
-    camera: &SplatCamera,
-    block: &Block<'_>,
-    region: &RegionPlan,
-    drawn: u32,
-    slots: &mut [Splat],
-) -> usize {
-    let mut filled = 0;
-    let mut gathered = Gathered::<G>::new();
-    let mut flush = |gathered: &mut Gathered<'_, G>| {
-        gathered.project(posed.kernel(), camera, |splat| {
-            if let Some(slot) = slots.get_mut(filled) {
-                *slot = splat;
-                filled += 1;
+/// What splats are made of.
+#[derive(Clone, Copy)]
+struct Source<'s, 'a> {
+    posed: &'s Posed<'s, 'a>,
+    camera: &'s SplatCamera,
+    /// Bit t % 16 of word t / 16: whether triangle t shows anything.
+    visible: &'s [u32],
+}
+
+impl Source<'_, '_> {
+    /// Fills `slots` with the splats of a block's Gaussians that can be seen; returns how many.
+    fn project<G: Shape>(
+        &self,
+        block: &Block<'_>,
+        region: &RegionPlan,
+        drawn: u32,
+        slots: &mut [Splat],
+    ) -> usize {
+        let mut filled = 0;
+        let mut gathered = Gathered::<G>::new();
+        let mut flush = |gathered: &mut Gathered<'_, G>| {
+            gathered.project(self.posed.kernel(), self.camera, |splat| {
+                if let Some(slot) = slots.get_mut(filled) {
+                    *slot = splat;
+                    filled += 1;
+                }
+            });
+        };
+        let shows = |triangle: u32| {
+            let word = self.visible.get(triangle as usize / MAX_LANES);
+            word.is_some_and(|word| word >> (triangle as usize % MAX_LANES) & 1 == 1)
+        };
+        for_each_of_block(block, region, drawn, shows, |place| {
+            if !gathered.takes(&place) {
+                flush(&mut gathered);
             }
+            gathered.push(&place, self.posed);
         });
-    };
-    let frame_of = |triangle| posed.shown_frame(triangle, camera.view.eye);
-    for_each_of_block(block, region, drawn, frame_of, |place, frame| {
-        if !gathered.takes(&place) {
-            flush(&mut gathered);
-        }
-        gathered.push(&place, frame);
-    });
-    flush(&mut gathered);
-    filled
+        flush(&mut gathered);
+        filled
+    }
 }
 
 /// Gaussians of one group, on their way from the file to the screen.
@@ -153,12 +169,20 @@ impl<'a, G: Shape> Gathered<'a, G> {
     }
 
     #[inline(always)]
-    fn push(&mut self, place: &Place<'a, '_>, frame: &Frame<f32>) {
+    fn push(&mut self, place: &Place<'a, '_>, posed: &Posed<'_, '_>) {
         let lane = self.batch.len % MAX_LANES;
         self.ranges = Some((place.group, place.log2_factor));
-        self.batch.set_frame(lane, frame);
+        self.batch.set_frame(
+            lane,
+            match place.triangle {
+                Some(triangle) => posed.frame_numbers(triangle),
+                None => Frame::world().numbers(),
+            },
+        );
         self.batch.opacity[lane] = place.opacity;
-        self.harmonics[lane] = place.harmonics();
+        if !place.block.harmonics.is_empty() {
+            self.harmonics[lane] = place.harmonics();
+        }
         G::gather(place, lane, &mut self.codes);
         self.batch.len = lane + 1;
     }
@@ -167,7 +191,9 @@ impl<'a, G: Shape> Gathered<'a, G> {
     fn project(&mut self, kernel: Kernel, camera: &SplatCamera, mut visit: impl FnMut(Splat)) {
         let Some((group, log2_factor)) = self.ranges.take() else { return };
         kernel.run(Decode { batch: &mut self.batch, codes: &self.codes, group, log2_factor });
-        let harmonics = if self.harmonics[0].codes.is_empty() { &[] } else { &self.harmonics[..] };
+        let harmonics = self.harmonics.get(..self.batch.len).unwrap_or(&[]);
+        let has_any = harmonics.first().is_some_and(|first| !first.codes.is_empty());
+        let harmonics = if has_any { harmonics } else { &[] };
         camera.splats(kernel, &self.batch, harmonics, |_, splat| visit(splat));
         self.batch.len = 0;
     }

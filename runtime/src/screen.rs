@@ -3,12 +3,12 @@
 
 use dermis_format::LowPass;
 
-use crate::batch::{Batch, Column, Shape, load, store};
+use crate::batch::{Batch, Shape};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics;
 use crate::kernel::{Kernel, Work};
-use crate::lanes::{Lanes, MAX_LANES};
+use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
 use crate::math::each;
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};

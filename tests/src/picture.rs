@@ -13,7 +13,7 @@ pub fn unrounded(
 ) -> Vec<[f32; 3]> {
     let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
     let mut posing = vec![0; Posed::scratch_len(avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
     let posed =
         Posed::new(avatar, pose, Kernel::detect(), &mut posing).expect("scratch is long enough");

@@ -71,7 +71,7 @@ pub fn draw_timed(
     let plan = plan();
     let select = clock.lap();
     let budget = plan.gaussians();
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
     let mut rgba = vec![0; width as usize * height as usize * 4];
     clock.lap();

@@ -73,7 +73,7 @@ fn frames_that_cannot_be_drawn_are_errors() {
     }
     // Asking for the scratch of such a frame is no panic, either.
     assert!(scratch_len(&avatar, u32::MAX, u32::MAX, u32::MAX) > 0);
-    assert!(Prepared::scratch_len(u32::MAX, u32::MAX, u32::MAX) > 0);
+    assert!(Prepared::scratch_len(&avatar, u32::MAX, u32::MAX, u32::MAX) > 0);
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn bands_make_the_whole_frame() {
     let expected = whole(&avatar, &camera);
     let plan = Plan::with_budget(&avatar, u32::MAX);
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(400, 97, 75)];
+    let mut preparing = vec![0; Prepared::scratch_len(&avatar, 400, 97, 75)];
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
     assert_eq!(prepared.tile_rows(), 3);
@@ -193,7 +193,7 @@ fn steps_say_how_much_scratch_they_lack() {
     }
     let (posing, rest) = scratch.split_at_mut(needed);
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, posing).unwrap();
-    let needed = Prepared::scratch_len(100, 97, 75);
+    let needed = Prepared::scratch_len(&avatar, 100, 97, 75);
     for lent in [0, needed - 1] {
         let error = Prepared::new(&posed, &plan, &view(), &mut rest[..lent]).unwrap_err();
         assert_eq!(error, Error::Scratch { needed, lent });
