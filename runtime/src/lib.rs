@@ -28,6 +28,7 @@ pub mod harmonics;
 pub mod kernel;
 pub mod lanes;
 pub mod math;
+mod parts;
 pub mod plan;
 pub mod pose;
 pub mod posed;
@@ -48,7 +49,7 @@ pub use kernel::{Kernel, Level};
 pub use plan::Plan;
 pub use pose::Pose;
 pub use posed::Posed;
-pub use prepare::Prepared;
+pub use prepare::{Part, Prepared};
 
 /// What a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,22 +1,22 @@
 //! A frame before its pixels: the splats of a plan, and how many each tile will draw.
 
-use dermis_format::record::GroupRecord;
-use dermis_format::{Avatar, Block, Records};
+use core::ops::Range;
 
-use crate::batch::{Batch, Codes, Decode, Discs, Fulls, Shape};
+use dermis_format::Avatar;
+
 use crate::camera::Camera;
 use crate::error::Error;
-use crate::frame::Frame;
 use crate::frames::FrameBlock;
 use crate::kernel::Kernel;
-use crate::lanes::MAX_LANES;
-use crate::plan::{Plan, RegionPlan};
+use crate::parts::Source;
+use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::project::{Splat, View};
 use crate::scratch::{Scratch, words};
 use crate::screen::SplatCamera;
-use crate::select::{Harmonics, Place, for_each_block, for_each_of_block};
 use crate::tiles::{TileGrid, count_tiles};
+
+pub use crate::parts::{MAX_PARTS, Part};
 
 /// Greatest width and height of a frame, px.
 pub const MAX_SIZE: u32 = 16_384;
@@ -48,6 +48,22 @@ impl<'s> Prepared<'s> {
         camera: &Camera,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
+        Self::in_parts(posed, plan, camera, scratch, 1, |parts| {
+            parts.iter_mut().for_each(Part::project);
+        })
+    }
+
+    /// [`Self::new`] in at most `parts` shares of about the same work (and at most [`MAX_PARTS`]):
+    /// `run` is given all of them and calls [`Part::project`] on each, in any order and on any
+    /// thread. The outcome is the same for any number.
+    pub fn in_parts(
+        posed: &Posed<'_, '_>,
+        plan: &Plan,
+        camera: &Camera,
+        scratch: &'s mut [u32],
+        parts: usize,
+        run: impl FnOnce(&mut [Part<'_, '_>]),
+    ) -> Result<Self, Error> {
         let (width, height) = (camera.width, camera.height);
         let avatar = posed.avatar();
         check(avatar, plan, camera)?;
@@ -57,19 +73,17 @@ impl<'s> Prepared<'s> {
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
-        let camera =
-            SplatCamera { view: View::new(camera), low_pass: posed.avatar().header().low_pass };
+        let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
         posed.find_visible(camera.view.eye, visible);
-        let source = Source { posed, camera: &camera, visible };
-        let mut filled = 0;
-        for_each_block(posed.avatar(), plan, |block, region, drawn| {
-            let rest = slots.get_mut(filled..).unwrap_or(&mut []);
-            filled += match block.records {
-                Records::Disc(_) => source.project::<Discs>(block, region, drawn, rest),
-                Records::Full(_) => source.project::<Fulls>(block, region, drawn, rest),
-            };
-        });
-        let splats: &[Splat] = slots.get(..filled).unwrap_or(&[]);
+        let source = Source { posed, plan, camera: &camera, visible };
+        let mut shares = source.split(&mut *slots, parts);
+        run(&mut shares);
+        let mut filled = heapless::Vec::<Range<usize>, MAX_PARTS>::new();
+        for share in &shares {
+            let _ = filled.push(share.filled());
+        }
+        drop(shares);
+        let splats: &[Splat] = close_gaps(slots, &filled);
         count_tiles(&grid, splats, tile_counts);
         Ok(Self { splats, tile_counts, grid, kernel: posed.kernel(), selected: plan.gaussians() })
     }
@@ -100,101 +114,22 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     Ok(())
 }
 
-/// What splats are made of.
-#[derive(Clone, Copy)]
-struct Source<'s, 'a> {
-    posed: &'s Posed<'s, 'a>,
-    camera: &'s SplatCamera,
-    /// Bit t % 16 of word t / 16: whether triangle t shows anything.
-    visible: &'s [u32],
-}
-
-impl Source<'_, '_> {
-    /// Fills `slots` with the splats of a block's Gaussians that can be seen; returns how many.
-    fn project<G: Shape>(
-        &self,
-        block: &Block<'_>,
-        region: &RegionPlan,
-        drawn: u32,
-        slots: &mut [Splat],
-    ) -> usize {
-        let mut filled = 0;
-        let mut gathered = Gathered::<G>::new();
-        let mut flush = |gathered: &mut Gathered<'_, G>| {
-            gathered.project(self.posed.kernel(), self.camera, |splat| {
-                if let Some(slot) = slots.get_mut(filled) {
-                    *slot = splat;
-                    filled += 1;
-                }
-            });
-        };
-        let shows = |triangle: u32| {
-            let word = self.visible.get(triangle as usize / MAX_LANES);
-            word.is_some_and(|word| word >> (triangle as usize % MAX_LANES) & 1 == 1)
-        };
-        for_each_of_block(block, region, drawn, shows, |place| {
-            if !gathered.takes(&place) {
-                flush(&mut gathered);
+/// Moves the runs `filled` of `slots` together.
+fn close_gaps<'s>(slots: &'s mut [Splat], filled: &[Range<usize>]) -> &'s [Splat] {
+    let mut end = 0;
+    for run in filled {
+        if end == run.start {
+            end = run.end;
+            continue;
+        }
+        for from in run.clone() {
+            if let Some(&splat) = slots.get(from)
+                && let Some(slot) = slots.get_mut(end)
+            {
+                *slot = splat;
+                end += 1;
             }
-            gathered.push(&place, self.posed);
-        });
-        flush(&mut gathered);
-        filled
-    }
-}
-
-/// Gaussians of one group, on their way from the file to the screen.
-struct Gathered<'a, G> {
-    batch: Batch<G>,
-    codes: Codes,
-    harmonics: [Harmonics<'a>; MAX_LANES],
-    ranges: Option<(&'a GroupRecord, f32)>,
-}
-
-impl<'a, G: Shape> Gathered<'a, G> {
-    fn new() -> Self {
-        Self {
-            batch: Batch::default(),
-            codes: Codes::default(),
-            harmonics: [Harmonics::default(); MAX_LANES],
-            ranges: None,
         }
     }
-
-    /// Whether there is room, and the place has the ranges of those that are here.
-    #[inline(always)]
-    fn takes(&self, place: &Place<'a, '_>) -> bool {
-        let same = self.ranges.is_none_or(|(group, _)| core::ptr::eq(group, place.group));
-        self.batch.len < MAX_LANES && same
-    }
-
-    #[inline(always)]
-    fn push(&mut self, place: &Place<'a, '_>, posed: &Posed<'_, '_>) {
-        let lane = self.batch.len % MAX_LANES;
-        self.ranges = Some((place.group, place.log2_factor));
-        self.batch.set_frame(
-            lane,
-            match place.triangle {
-                Some(triangle) => posed.frame_numbers(triangle),
-                None => Frame::world().numbers(),
-            },
-        );
-        self.batch.opacity[lane] = place.opacity;
-        if !place.block.harmonics.is_empty() {
-            self.harmonics[lane] = place.harmonics();
-        }
-        G::gather(place, lane, &mut self.codes);
-        self.batch.len = lane + 1;
-    }
-
-    /// Projects what is here, and empties it.
-    fn project(&mut self, kernel: Kernel, camera: &SplatCamera, mut visit: impl FnMut(Splat)) {
-        let Some((group, log2_factor)) = self.ranges.take() else { return };
-        kernel.run(Decode { batch: &mut self.batch, codes: &self.codes, group, log2_factor });
-        let harmonics = self.harmonics.get(..self.batch.len).unwrap_or(&[]);
-        let has_any = harmonics.first().is_some_and(|first| !first.codes.is_empty());
-        let harmonics = if has_any { harmonics } else { &[] };
-        camera.splats(kernel, &self.batch, harmonics, |_, splat| visit(splat));
-        self.batch.len = 0;
-    }
+    slots.get(..end).unwrap_or(&[])
 }
