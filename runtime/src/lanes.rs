@@ -43,6 +43,8 @@ pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
     fn store(self, to: &mut [f32]);
     /// Bit i is lane i.
     fn bits(mask: Self::Mask) -> u32;
+    /// 2 × 16 bits a lane, from integers in 0..=65,535: the first in the lower bits.
+    fn store_shorts(halves: [Self; 2], to: &mut [u32]);
     /// 4 × 8 bits a lane, from numbers in 0..=255: the first in the lowest byte.
     fn store_bytes(channels: [Self; 4], to: &mut [u32]);
 }
@@ -71,6 +73,12 @@ impl Lanes for f32 {
     #[inline(always)]
     fn bits(mask: bool) -> u32 {
         u32::from(mask)
+    }
+    #[inline(always)]
+    fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
+        if let Some(to) = to.first_mut() {
+            *to = low as i32 as u32 | (high as i32 as u32) << 16;
+        }
     }
     #[inline(always)]
     fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
@@ -164,6 +172,14 @@ macro_rules! lanes {
             #[inline(always)]
             fn bits(mask: Self::Mask) -> u32 {
                 mask.to_bitmask() as u32
+            }
+            #[inline(always)]
+            fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
+                let [low, high]: [$signed<S>; 2] = [low.to_int(), high.to_int()];
+                let word: $unsigned<S> = (low | high << 16).bitcast();
+                if let Some(to) = to.first_chunk_mut::<$len>() {
+                    word.store_array(to);
+                }
             }
             #[inline(always)]
             fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
