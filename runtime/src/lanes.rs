@@ -1,7 +1,8 @@
 //! Vectors of f32 whose lanes do what one f32 does, bit for bit.
 //!
 //! Only + − × ÷ √, comparisons, selections and bit operations are used: they are equal at every
-//! level of fearless_simd. Its `min`, `max`, `mul_add`, reciprocals and roundings are not.
+//! level of fearless_simd. Its `mul_add`, reciprocals and roundings are not, nor are its `min` and
+//! `max` for NaN and zeros.
 
 use core::ops::BitAnd;
 
@@ -129,9 +130,14 @@ macro_rules! lanes {
 
         impl<S: Simd> Single for $float<S> {
             #[inline(always)]
-            fn power_of_two(rounded: Self) -> Self {
-                let bits: $signed<S> = rounded.bitcast();
-                ((bits + 127) << 23).bitcast()
+            fn times_power_of_two(self, rounded: Self) -> Self {
+                let (bits, exponent): ($signed<S>, $signed<S>) = (self.bitcast(), rounded.bitcast());
+                (bits + (exponent << 23)).bitcast()
+            }
+            #[inline(always)]
+            fn least(self, other: Self) -> Self {
+                // Levels differ for NaN and zeros only.
+                self.min(other)
             }
             #[inline(always)]
             fn mantissa_and_exponent(self) -> [Self; 2] {
