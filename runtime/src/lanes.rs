@@ -131,7 +131,8 @@ macro_rules! lanes {
         impl<S: Simd> Single for $float<S> {
             #[inline(always)]
             fn times_power_of_two(self, rounded: Self) -> Self {
-                let (bits, exponent): ($signed<S>, $signed<S>) = (self.bitcast(), rounded.bitcast());
+                let (bits, exponent): ($signed<S>, $signed<S>) =
+                    (self.bitcast(), rounded.bitcast());
                 (bits + (exponent << 23)).bitcast()
             }
             #[inline(always)]
