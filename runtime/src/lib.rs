@@ -42,7 +42,7 @@ pub mod tiles;
 pub use camera::Camera;
 pub use dermis_format::Avatar;
 pub use error::Error;
-pub use framebuffer::{Background, Framebuffer};
+pub use framebuffer::{Background, Depth, Framebuffer, Pixels};
 pub use kernel::{Kernel, Level};
 pub use plan::Plan;
 pub use pose::Pose;
@@ -60,7 +60,8 @@ pub struct Statistics {
     pub counts: raster::Counts,
 }
 
-/// Words of scratch with which [`render`] never fails for want of memory.
+/// Words of scratch with which [`render`] never fails for want of memory; with depths
+/// [`draw::DEPTH_SCRATCH_LEN`] more.
 pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
     let budget = budget.min(avatar.header().gaussians);
     Posed::scratch_len(avatar)
@@ -82,7 +83,8 @@ pub fn render(
     let budget = plan.gaussians();
     let (width, height) = (camera.width, camera.height);
     let lent = scratch.len();
-    let needed = scratch_len(avatar, budget, width, height);
+    let depths = framebuffer.depth.as_ref().map_or(0, |_| draw::DEPTH_SCRATCH_LEN);
+    let needed = scratch_len(avatar, budget, width, height).saturating_add(depths);
     let missing = Error::Scratch { needed, lent };
     if lent < needed {
         return Err(missing);

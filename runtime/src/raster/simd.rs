@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 
+use super::depth::Keep;
 use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend, exponent};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
@@ -15,19 +16,20 @@ const FINISHED_EVERY: usize = 64;
 const AHEAD: usize = 8;
 
 /// [`super::draw_tile`] in vectors.
-pub(super) struct DrawTile<'a> {
+pub(super) struct DrawTile<'a, D> {
     pub(super) splats: &'a [Splat],
     pub(super) order: &'a [Pair],
     pub(super) area: [Range<u32>; 2],
     pub(super) pixels: &'a mut TilePixels,
+    pub(super) depths: &'a mut D,
 }
 
-impl Work for DrawTile<'_> {
+impl<D: Keep> Work for DrawTile<'_, D> {
     type Output = Counts;
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) -> Counts {
-        let Self { splats, order, area: [columns, rows], pixels } = self;
+        let Self { splats, order, area: [columns, rows], pixels, depths } = self;
         let mut counts = Counts::default();
         let bounds_of = |pair: Option<&Pair>| {
             let splat = pair.and_then(|pair| splats.get(pair.splat as usize));
@@ -46,7 +48,7 @@ impl Work for DrawTile<'_> {
             {
                 let area = Area { columns: x0..x1, rows: y0..y1 };
                 let origin = [columns.start, rows.start];
-                strips::<V>(token, splat, area, origin, pixels, &mut counts);
+                strips::<V>(token, splat, area, origin, pixels, depths, &mut counts);
             }
             if i % FINISHED_EVERY == FINISHED_EVERY - 1 && pixels.finished() {
                 break;
@@ -71,6 +73,7 @@ fn strips<V: Lanes>(
     area: Area,
     [left, top]: [u32; 2],
     pixels: &mut TilePixels,
+    depths: &mut impl Keep,
     counts: &mut Counts,
 ) {
     let rows = RowTerms::new::<V>(token, splat, &area.rows);
@@ -81,7 +84,8 @@ fn strips<V: Lanes>(
         start = columns.end;
         let pixels = pixels.0.get_mut(within.clone()).unwrap_or(&mut []);
         counts.evaluations += (V::LEN * pixels.len()) as u64;
-        counts.blends += strip::<V>(token, splat, columns, left, &rows, pixels);
+        let origin = [left, within.start as u32];
+        counts.blends += strip::<V>(token, splat, columns, origin, &rows, pixels, depths);
     }
 }
 
@@ -112,15 +116,17 @@ impl RowTerms {
     }
 }
 
-/// At most `V::LEN` columns of all rows; `left` is the tile's first column. Returns the blends.
+/// At most `V::LEN` columns of all rows; `left` is the tile's first column, `top` the first row's place
+/// in the tile. Returns the blends.
 #[inline(always)]
 fn strip<V: Lanes>(
     token: V::Token,
     splat: &Splat,
     columns: Range<u32>,
-    left: u32,
+    [left, top]: [u32; 2],
     rows: &RowTerms,
     pixels: &mut [TileRow],
+    depths: &mut impl Keep,
 ) -> u64 {
     let constant = |x: f32| V::splat(token, x);
     // A strip ends inside the tile's row, if need be by starting further to the left.
@@ -131,7 +137,8 @@ fn strip<V: Lanes>(
     let color = each(splat.color, constant);
     let lanes = first as usize..first as usize + V::LEN;
     let mut blends = 0;
-    for ((row, &room), &shift) in pixels.iter_mut().zip(&rows.room).zip(&rows.shift) {
+    let rows = pixels.iter_mut().zip(&rows.room).zip(&rows.shift);
+    for (((row, &room), &shift), y) in rows.zip(top as usize..) {
         let (alpha, touches) = alpha(exponent(constant(room), a_dx, constant(shift)));
         let [red, green, blue, transmittance] = row;
         let (Some(red), Some(green), Some(blue), Some(transmittance)) = (
@@ -156,6 +163,7 @@ fn strip<V: Lanes>(
         g.store(green);
         b.store(blue);
         t.store(transmittance);
+        depths.blended(token, [first as usize, y], [before[3], t], splat.depth);
     }
     u64::from(blends)
 }

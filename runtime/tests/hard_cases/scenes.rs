@@ -5,7 +5,7 @@ use dermis_format::writer::encode;
 use dermis_format::{Disc, FrameKind, Full, LowPass, ScaleLaw};
 use dermis_runtime::raster::TilePixels;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Level, Plan, Pose, Posed, Prepared,
+    Avatar, Background, Camera, Framebuffer, Kernel, Level, Pixels, Plan, Pose, Posed, Prepared,
     Statistics, render, scratch_len,
 };
 
@@ -181,9 +181,10 @@ impl Picture {
             vec![0x7fc0_1234; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
         let mut pixels = vec![0x5a; width * height * 4];
         let mut framebuffer = Framebuffer {
-            pixels: &mut pixels,
+            pixels: Pixels::Rgba8(&mut pixels),
             stride: width * 4,
             background: Background::Color([0.0; 3]),
+            depth: None,
         };
         let statistics =
             render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer).unwrap();

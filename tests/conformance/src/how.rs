@@ -1,7 +1,7 @@
 //! How a case is drawn.
 
-use dermis_runtime::Framebuffer;
 pub use dermis_runtime::Kernel;
+use dermis_runtime::{Framebuffer, Pixels};
 
 use crate::cases::Case;
 
@@ -68,7 +68,8 @@ impl Format {
         match self {
             Self::Rgba8 => {
                 let stride = self.stride(case);
-                Framebuffer { pixels, stride, background: case.background }
+                let (pixels, background) = (Pixels::Rgba8(pixels), case.background);
+                Framebuffer { pixels, stride, background, depth: None }
             }
         }
     }
