@@ -145,22 +145,23 @@ fn bands_make_the_whole_frame() {
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
     assert_eq!(prepared.tile_rows(), 3);
     let background = Background::Color([0.0; 3]);
+    let tiles = |first: u16, end: u16| u64::from(end.div_ceil(32) - first / 32);
+    let tiles_of = |[x0, y0, x1, y1]: [u16; 4]| tiles(x0, x1) * tiles(y0, y1);
+    let pairs: u64 = prepared.splats().iter().map(|splat| tiles_of(splat.bounds)).sum();
+    assert_eq!(expected.statistics.counts.pairs, pairs);
     let mut scratch = vec![0; Prepared::band_scratch_len(400, 97, 75)];
     for cuts in [vec![0, 1, 2, 3], vec![0, 2, 3], vec![0, 3]] {
-        let mut blends = 0;
+        let mut counts = Counts::default();
         let mut pixels = Vec::new();
         for rows in cuts.windows(2) {
             let height = (rows[1] * 32).min(75) - rows[0] * 32;
             let mut band = vec![0x5a; height as usize * 97 * 4];
             let mut framebuffer = rgba8(&mut band, 97 * 4, background);
-            blends += prepared
-                .draw_band(rows[0]..rows[1], &mut scratch, &mut framebuffer)
-                .unwrap()
-                .blends;
+            counts += prepared.draw_band(rows[0]..rows[1], &mut scratch, &mut framebuffer).unwrap();
             pixels.extend(band);
         }
         assert_eq!(pixels, expected.pixels, "{cuts:?}");
-        assert_eq!(blends, expected.statistics.counts.blends);
+        assert_eq!(counts, expected.statistics.counts);
     }
     // Rows beyond the frame, and none, draw nothing.
     let mut none = rgba8(&mut [], 97 * 4, background);
