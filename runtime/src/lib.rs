@@ -12,6 +12,8 @@
 //! 5. Bands of tiles are sorted front to back ([`tiles`]) and blended ([`raster`], [`draw`])
 //! 6. into the caller's [`Framebuffer`] ([`framebuffer`]).
 //!
+//! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
+//!
 //! [`render`] does all of it for one avatar and one camera; [`scratch_len`] says how many words it
 //! needs. World axes are glTF's (metres, right-handed, +Y up), camera axes OpenCV's.
 #![no_std]
@@ -20,6 +22,7 @@ pub mod batch;
 pub mod camera;
 pub mod draw;
 pub mod error;
+pub mod export;
 pub mod frame;
 pub mod framebuffer;
 pub mod gaussian;
@@ -42,6 +45,7 @@ pub mod tiles;
 pub use camera::Camera;
 pub use dermis_format::Avatar;
 pub use error::Error;
+pub use export::{PosedGaussian, Sides};
 pub use framebuffer::{Background, Depth, Framebuffer, Pixels};
 pub use kernel::{Kernel, Level};
 pub use plan::Plan;

@@ -1,6 +1,7 @@
 //! The runtime's hard cases (design, section 4) and promises (section 6) on avatars made by hand.
 
 mod depths;
+mod export;
 mod formats;
 mod formulas;
 mod hostile;

@@ -75,15 +75,17 @@ pub(crate) fn cloud(fulls: &[Full]) -> Source {
     }
 }
 
+/// The number `i` of row `salt` of random ones in [0, 1).
+pub(crate) fn random(i: u32, salt: u32) -> f32 {
+    let mut x = (i.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_add(1);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x2c1b_3c6d);
+    x ^= x >> 12;
+    (x >> 8) as f32 / 16_777_216.0
+}
+
 /// 400 discs of all colours and sizes on 40 triangles, in two regions of two layers.
 pub(crate) fn crowd() -> Source {
-    let random = |i: u32, salt: u32| {
-        let mut x = (i.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_add(1);
-        x ^= x >> 15;
-        x = x.wrapping_mul(0x2c1b_3c6d);
-        x ^= x >> 12;
-        (x >> 8) as f32 / 16_777_216.0
-    };
     let disc = |i: u32| {
         let r = |salt| random(i, salt);
         Disc {
