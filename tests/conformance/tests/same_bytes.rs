@@ -91,6 +91,11 @@ fn kernels_do_not_show() {
     for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
         let expected = run(case, &whole, &mut scratch, &mut frame);
         for kernel in kernels() {
+            // Emulating the emulated is slow: the fallback writes one format, and depths.
+            let few = matches!(kernel, Kernel::Simd(level) if level.is_fallback());
+            if few && !matches!(whole.format, Format::Rgba8 | Format::Depth) {
+                continue;
+            }
             let how = How { kernel, bands: 2, ..whole };
             let drawn = run(case, &how, &mut scratch, &mut frame);
             if drawn != expected {
