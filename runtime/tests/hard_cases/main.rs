@@ -1,5 +1,6 @@
 //! The runtime's hard cases (design, section 4) and promises (section 6) on avatars made by hand.
 
+mod batches;
 mod formulas;
 mod hostile;
 mod limits;
