@@ -210,9 +210,9 @@ impl Work for Integers<'_> {
                 let codes: Vec<i32> = chunk.iter().map(|&x| f(x)).collect();
                 V::load_integers(token, &codes)
             };
-            V::store_shorts([of(|x| x & 0xffff), of(|x| x * 7 & 0xffff)], &mut words);
+            V::store_shorts([of(|x| x & 0xffff), of(|x| (x * 7) & 0xffff)], &mut words);
             shorts.extend(&words[..V::LEN]);
-            let channels = [of(|x| x & 255), of(|x| x * 3 & 255), of(|x| x >> 8 & 255)];
+            let channels = [of(|x| x & 255), of(|x| (x * 3) & 255), of(|x| (x >> 8) & 255)];
             let [r, g, b] = channels;
             V::store_bytes([r, g, b, of(|x| !x & 255)], &mut words);
             bytes.extend(&words[..V::LEN]);
@@ -227,7 +227,7 @@ fn integers_in_and_out() {
     let [loaded, shorts, bytes] = Integers(&codes).run::<f32>(());
     for (i, &code) in codes.iter().enumerate() {
         assert_eq!(loaded[i], (code as f32).to_bits());
-        assert_eq!(shorts[i], (code & 0xffff | (code * 7 & 0xffff) << 16) as u32);
+        assert_eq!(shorts[i], (code & 0xffff | ((code * 7) & 0xffff) << 16) as u32);
         let expected = [code, code * 3, code >> 8, !code].map(|x| (x & 255) as u8);
         assert_eq!(bytes[i], u32::from_le_bytes(expected));
     }
