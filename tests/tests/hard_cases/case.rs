@@ -4,9 +4,10 @@ use dermis_runtime::framebuffer::to_byte;
 use dermis_runtime::math::Affine;
 use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Level, Plan, Pose, Posed, Prepared, raster,
-    render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, raster, render,
+    scratch_len,
 };
+use dermis_tests::picture::kernels;
 use dermis_trainer::eval::reference::draw_reference;
 
 /// Under every picture: red shows the Gaussians alone, blue what shines through, too.
@@ -97,11 +98,6 @@ impl Case {
     pub(crate) fn within(self, off: f64, why: &'static str) -> Self {
         Self { off, why, ..self }
     }
-}
-
-/// Every kernel of this machine, and the one that vectors fall back to where there are none.
-pub(crate) fn kernels() -> impl Iterator<Item = Kernel> {
-    Kernel::available().into_iter().chain([Kernel::Simd(Level::fallback())])
 }
 
 /// Checks every case, and says of all that are not as stated how they are.

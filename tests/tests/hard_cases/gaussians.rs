@@ -3,8 +3,9 @@
 use dermis_format::{Disc, Full};
 use dermis_runtime::project::NEAR;
 use dermis_runtime::{Avatar, Plan, Pose, Posed, Prepared};
+use dermis_tests::picture::kernels;
 
-use crate::case::{Case, check, kernels};
+use crate::case::{Case, check};
 use crate::scenes::{BALL, DOT, camera, compensated, file, free, one_disc, triangles};
 
 const SIZE: [u32; 2] = [33, 33];
