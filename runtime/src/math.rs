@@ -27,9 +27,10 @@ pub trait Real:
     fn like(self, x: f32) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
-    /// 2ˣ; 0 for x < −125, 2¹²⁷ for x > 127. For f32: relative error at most 3e-6 of either sign.
+    /// 2ˣ. For f32: 0 for x < −125, 2¹²⁷ for x > 127 and for NaN; relative error at most 3e-6 of
+    /// either sign.
     fn exp2(self) -> Self;
-    /// log₂ x for normal x > 0; −127 for all else. For f32: error at most 3e-7 + 1.2e-7 |log₂ x|.
+    /// log₂ x. For f32: −127 unless x is normal and above 0; error at most 3e-7 + 1.2e-7 |log₂ x|.
     fn log2(self) -> Self;
     /// Sine and cosine of an angle in radians, |angle| < 10⁴, both with the same unspecified sign: the
     /// direction of a line. For f32: error at most 3e-7 + 2e-8 |angle|.
@@ -356,7 +357,7 @@ pub(crate) fn log2<S: Single>(x: S) -> S {
 #[inline(always)]
 pub(crate) fn line<S: Single>(angle: S) -> [S; 2] {
     use core::f32::consts::FRAC_1_PI;
-    // π in two parts, the first of 16 bits: k · PI_HIGH is exact for |k| < 256.
+    // π in two parts, the first of 8 bits: k · PI_HIGH is exact for |k| < 2¹⁶.
     const PI_HIGH: f32 = 3.140_625;
     const PI_LOW: f32 = 9.676_536e-4;
     let k = (angle * angle.like(FRAC_1_PI)).nearest();

@@ -1,7 +1,12 @@
 //! Pictures of avatars as floats.
 
 use dermis_runtime::tiles::TileGrid;
-use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared, raster};
+use dermis_runtime::{Avatar, Camera, Kernel, Level, Plan, Pose, Posed, Prepared, raster};
+
+/// Every kernel of this machine, and the one that vectors fall back to where there are none.
+pub fn kernels() -> impl Iterator<Item = Kernel> {
+    Kernel::available().into_iter().chain([Kernel::Simd(Level::fallback())])
+}
 
 /// The runtime's picture before it is rounded to bytes: (r, g, b) of each pixel over `background`.
 pub fn unrounded(

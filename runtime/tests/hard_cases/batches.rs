@@ -1,0 +1,342 @@
+//! What is done sixteen at once equals what is done one by one, which is the specification.
+
+use dermis_format::quant::ANGLE_STEP;
+use dermis_format::record::{DiscRecord, FullRecord, GroupRecord, Range};
+use dermis_format::source::{Gaussians, Mathematics, Region, Source};
+use dermis_format::{Block, Disc, FrameKind, Full, LowPass, Records, ScaleLaw};
+use dermis_runtime::batch::{Batch, Codes, Decode, Discs, Fulls, Shape};
+use dermis_runtime::frame::Frame;
+use dermis_runtime::project::{Splat, View};
+use dermis_runtime::screen::SplatCamera;
+use dermis_runtime::select::{Place, for_each_block, for_each_of_block};
+use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
+use proptest::prelude::*;
+
+use crate::scenes::{bytes, camera, kernels, sheet};
+
+/// Numbers from a seed.
+struct Numbers(u32);
+
+impl Numbers {
+    fn word(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let x = self.0 ^ self.0 >> 15;
+        x.wrapping_mul(0x2c1b_3c6d) ^ x >> 12
+    }
+
+    /// In [−1, 1).
+    fn signed(&mut self) -> f32 {
+        (self.word() >> 8) as f32 / 8_388_608.0 - 1.0
+    }
+}
+
+/// What a cloud is of.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    frame: FrameKind,
+    /// Degree of the harmonics of full records; none: discs.
+    full: Option<u8>,
+    low_pass: LowPass,
+    law: ScaleLaw,
+    /// Whether later layers have an opacity for each level.
+    per_level: bool,
+}
+
+fn kinds() -> impl Strategy<Value = Kind> {
+    let frame = prop::sample::select(vec![
+        (FrameKind::Area, false),
+        (FrameKind::Edge, false),
+        (FrameKind::Area, true),
+        (FrameKind::Edge, true),
+        (FrameKind::World, true),
+    ]);
+    (frame, 0..4u8, any::<bool>(), any::<bool>(), any::<bool>()).prop_map(
+        |((frame, full), degree, classic, constant, per_level)| Kind {
+            frame,
+            full: full.then_some(degree),
+            low_pass: if classic { LowPass::Classic } else { LowPass::Compensated },
+            law: if constant { ScaleLaw::Constant } else { ScaleLaw::SquareRoot },
+            per_level,
+        },
+    )
+}
+
+/// A cloud of two layers, some of it behind the camera, off screen or too faint, on triangles that
+/// look to all sides, some of them without area.
+fn cloud(kind: Kind, layers: [u32; 2], numbers: &mut Numbers) -> Source {
+    let mut source = sheet(&[]);
+    source.mathematics = Mathematics {
+        frame: kind.frame,
+        low_pass: kind.low_pass,
+        scale_law: kind.law,
+        harmonics_degree: kind.full.unwrap_or(0),
+    };
+    let triangles = 3 + numbers.word() % 50;
+    if kind.frame == FrameKind::World {
+        source.mesh = Default::default();
+    } else {
+        source.mesh.positions =
+            (0..3 * triangles).map(|_| [0; 3].map(|_| numbers.signed())).collect();
+        source.mesh.triangles = (0..triangles).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        source.mesh.triangles[1] = [0, 0, 1];
+        source.mesh.two_sided = (0..triangles).map(|_| numbers.word() >> 31 == 0).collect();
+    }
+    let discs: Vec<Disc> = (0..layers[0] + layers[1]).map(|_| disc(numbers)).collect();
+    let mut region = Region { name: "all".into(), layers: layers.to_vec(), ..Region::default() };
+    if kind.frame != FrameKind::World {
+        // In a block Gaussians stand by triangle.
+        let of =
+            |len: u32| (0..len).map(move |i| (u64::from(i * triangles) / u64::from(len)) as u32);
+        region.triangles = layers.into_iter().flat_map(of).collect();
+    }
+    if kind.per_level {
+        region.later_opacities = (0..layers[0])
+            .map(|_| vec![numbers.signed().abs()])
+            .chain((0..layers[1]).map(|_| Vec::new()))
+            .collect();
+    }
+    region.gaussians = match kind.full {
+        None => Gaussians::Disc(discs),
+        Some(degree) => {
+            let coefficients = 3 * ((usize::from(degree) + 1).pow(2) - 1);
+            if degree > 0 {
+                let mut list = || (0..coefficients).map(|_| 0.6 * numbers.signed()).collect();
+                region.harmonics = discs.iter().map(|_| list()).collect();
+            }
+            Gaussians::Full(discs.iter().map(|disc| full(disc, numbers)).collect())
+        }
+    };
+    source.regions = vec![region];
+    source
+}
+
+fn disc(numbers: &mut Numbers) -> Disc {
+    Disc {
+        position: [0; 3].map(|_| 1.5 * numbers.signed()),
+        angle: 1.5 + 1.5 * numbers.signed(),
+        log2_scale: [0; 2].map(|_| -4.0 + 5.0 * numbers.signed()),
+        color: [0; 3].map(|_| 0.5 + 0.7 * numbers.signed()),
+        opacity: numbers.signed().abs(),
+    }
+}
+
+fn full(disc: &Disc, numbers: &mut Numbers) -> Full {
+    let rotation = [0; 4].map(|_| numbers.signed());
+    let length = rotation.iter().map(|x| x * x).sum::<f32>().sqrt().max(0.05);
+    let Disc { position, log2_scale: [a, b], color, opacity, .. } = *disc;
+    let log2_scale = [a, b, -4.0 + 5.0 * numbers.signed()];
+    Full { position, rotation: rotation.map(|x| x / length), log2_scale, color, opacity }
+}
+
+/// Splats one by one.
+fn one_by_one(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Splat> {
+    let avatar = posed.avatar();
+    let screen = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
+    let mut splats = Vec::new();
+    let shows = |triangle| posed.shows(triangle, screen.view.eye);
+    for_each_block(avatar, plan, |block, region, drawn| {
+        for_each_of_block(block, region, drawn, shows, |place| {
+            let frame = match place.triangle {
+                Some(triangle) => posed.frame(triangle).expect("what shows has a frame"),
+                None => Frame::world(),
+            };
+            let selected = place.decode().expect("a place is in its block");
+            splats.extend(screen.splat(&selected, &frame));
+        });
+    });
+    splats
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// By every kernel, and by each kernel's own frames.
+    #[test]
+    fn splats_of_a_frame_are_those_one_by_one(
+        kind in kinds(),
+        layers in prop::array::uniform2(0..400u32),
+        share in 0f32..1.2,
+        distance in prop::sample::select(vec![0.3f32, 1.0, 3.0, 30.0]),
+        seed in any::<u32>(),
+    ) {
+        let file = bytes(&cloud(kind, layers, &mut Numbers(seed)));
+        let avatar = Avatar::parse(&file).unwrap();
+        let budget = (share * avatar.header().gaussians as f32) as u32;
+        let plan = Plan::with_budget(&avatar, budget);
+        let camera = Camera { fy: 41.0, cx: 20.0, ..camera(61, 47, 50.0, distance) };
+        let mut posing = vec![u32::MAX; Posed::scratch_len(&avatar)];
+        let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
+        let expected = one_by_one(&posed, &plan, &camera);
+        for kernel in kernels() {
+            let mut posing = vec![0; Posed::scratch_len(&avatar)];
+            let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut posing).unwrap();
+            let len = Prepared::scratch_len(&avatar, plan.gaussians(), 61, 47);
+            let mut preparing = vec![u32::MAX; len];
+            let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
+            let found: &[u8] = bytemuck::cast_slice(prepared.splats());
+            prop_assert_eq!(prepared.splats().len(), expected.len());
+            prop_assert!(found == bytemuck::cast_slice::<_, u8>(&expected), "{}", kernel.name());
+            prop_assert!(one_by_one(&posed, &plan, &camera) == expected, "{}", kernel.name());
+        }
+    }
+}
+
+/// The strategy above makes clouds of which something is seen, and something is not.
+#[test]
+fn clouds_are_seen_in_part() {
+    let kind = Kind {
+        frame: FrameKind::Edge,
+        full: Some(3),
+        low_pass: LowPass::Compensated,
+        law: ScaleLaw::SquareRoot,
+        per_level: true,
+    };
+    for seed in 0..20 {
+        let file = bytes(&cloud(kind, [300, 300], &mut Numbers(seed)));
+        let avatar = Avatar::parse(&file).unwrap();
+        let mut posing = vec![0; Posed::scratch_len(&avatar)];
+        let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
+        let plan = Plan::with_budget(&avatar, u32::MAX);
+        let seen = one_by_one(&posed, &plan, &camera(61, 47, 50.0, 1.0)).len();
+        assert!((50..550).contains(&seen), "{seen} of 600");
+    }
+}
+
+/// Ranges of any size and sign.
+fn group(numbers: &mut Numbers) -> GroupRecord {
+    let mut range = |offset: f32, step: f32| Range {
+        offset: (offset * numbers.signed()).into(),
+        step: (step * numbers.signed().abs()).into(),
+    };
+    GroupRecord {
+        count_less_one: 255,
+        position: [range(1.0, 0.01), range(100.0, 3.0), range(1e-3, 1e-7)],
+        log2_scale: range(8.0, 0.05),
+        color: [range(0.5, 0.005), range(0.5, 0.005), range(0.5, 0.005)],
+        ..GroupRecord::default()
+    }
+}
+
+/// Gathers and decodes records, at most sixteen, as the runtime does for a frame.
+fn decoded<G: Shape>(
+    kernel: Kernel,
+    records: Records<'_>,
+    group: &GroupRecord,
+    [first, len]: [usize; 2],
+    log2_factor: f32,
+) -> Batch<G> {
+    let count = match records {
+        Records::Disc(discs) => discs.len(),
+        Records::Full(fulls) => fulls.len(),
+    };
+    let block = Block {
+        region: 0,
+        layer: 0,
+        first: 0,
+        count: count as u32,
+        groups: &[],
+        triangles: &[],
+        records,
+        opacities: &[],
+        later_levels: 0,
+        harmonics: &[],
+    };
+    let mut codes = Codes::default();
+    for lane in 0..len {
+        let (index, triangle, opacity) = (first + lane, None, 1.0);
+        let place = Place { block: &block, group, index, triangle, opacity, log2_factor };
+        G::gather(&place, lane, &mut codes);
+    }
+    let mut batch = Batch { len, ..Batch::default() };
+    kernel.run(Decode { batch: &mut batch, codes: &codes, group, log2_factor });
+    batch
+}
+
+fn same(found: f32, expected: f32) -> bool {
+    found.to_bits() == expected.to_bits()
+}
+
+/// Every code of angle, scales, position and colour, in full batches and in short ones.
+#[test]
+fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
+    let numbers = &mut Numbers(1);
+    for round in 0..8u8 {
+        let group = group(numbers);
+        let log2_factor = numbers.signed();
+        let code = |code: u8, by: u8| code.wrapping_mul(by).wrapping_add(round * by);
+        let records: Vec<DiscRecord> = (0..=255u8)
+            .map(|i| DiscRecord {
+                position: [code(i, 1), code(i, 3), code(i, 5)],
+                angle: i,
+                scale: [code(i, 7), code(i, 9)],
+                color: [code(i, 11), code(i, 13), code(i, 15)],
+                opacity: i,
+            })
+            .collect();
+        for kernel in kernels() {
+            let mut first = 0;
+            while first < 256 {
+                let len = (256 - first).min(16 - usize::from(round));
+                let at = [first, len];
+                let batch: Batch<Discs> =
+                    decoded(kernel, Records::Disc(&records), &group, at, log2_factor);
+                for lane in 0..len {
+                    let disc = group.disc(&records[first + lane]);
+                    assert!(same(disc.angle, (first + lane) as f32 * ANGLE_STEP));
+                    let shape = &batch.shape;
+                    let alike = same(shape.angle[lane], disc.angle)
+                        && (0..2).all(|i| {
+                            same(shape.log2_scale[i][lane], disc.log2_scale[i] + log2_factor)
+                        })
+                        && (0..3).all(|i| same(shape.position[i][lane], disc.position[i]))
+                        && (0..3).all(|i| same(batch.color[i][lane], disc.color[i]));
+                    assert!(alike, "{} by {}: {disc:?}", first + lane, kernel.name());
+                }
+                first += len;
+            }
+        }
+    }
+}
+
+/// Rotations of any 32 bits, those whose three components are together too long among them; all
+/// 65,536 codes of a position.
+#[test]
+fn full_records_are_decoded_alike_one_by_one_and_in_lanes() {
+    let numbers = &mut Numbers(2);
+    let group = group(numbers);
+    let mut too_long = 0;
+    let records: Vec<FullRecord> = (0..=u16::MAX)
+        .map(|i| {
+            let [a, b, c, _] = numbers.word().to_le_bytes();
+            // Greatest and least components, and the middle, each with the others.
+            let component = |shift: u16| [0, 511, 512, 1022, 1023][usize::from(i / shift % 5)];
+            let ends =
+                u32::from(i) << 30 | component(4) << 20 | component(20) << 10 | component(100);
+            let rotation = if i < 500 { ends } else { numbers.word() };
+            too_long += u32::from(dermis_format::quant::quaternion_value(rotation).contains(&0.0));
+            FullRecord {
+                position: [i.into(), i.wrapping_mul(3).into(), i.wrapping_mul(12_345).into()],
+                rotation: rotation.into(),
+                scale: [i as u8, a, b],
+                color: [c, a ^ b, b ^ c],
+                opacity: 255,
+            }
+        })
+        .collect();
+    assert!(too_long > 1000, "{too_long} codes that no encoder makes");
+    for kernel in kernels() {
+        for first in (0..records.len()).step_by(16) {
+            let batch: Batch<Fulls> =
+                decoded(kernel, Records::Full(&records), &group, [first, 16], 0.75);
+            for lane in 0..16 {
+                let full = group.full(&records[first + lane]);
+                let shape = &batch.shape;
+                let alike = (0..4).all(|i| same(shape.rotation[i][lane], full.rotation[i]))
+                    && (0..3).all(|i| same(shape.log2_scale[i][lane], full.log2_scale[i] + 0.75))
+                    && (0..3).all(|i| same(shape.position[i][lane], full.position[i]))
+                    && (0..3).all(|i| same(batch.color[i][lane], full.color[i]));
+                assert!(alike, "{} by {}: {full:?}", first + lane, kernel.name());
+            }
+        }
+    }
+}
