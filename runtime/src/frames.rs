@@ -3,10 +3,13 @@
 use bytemuck::{Pod, Zeroable};
 use dermis_format::Avatar;
 
+use crate::extent::Extent;
 use crate::frame::Frame;
+use crate::frustum::Frustum;
 use crate::kernel::Work;
 use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
-use crate::math::each;
+use crate::math::{dot, each};
+use crate::project::View;
 
 /// Frames of sixteen triangles: axes x, y, z and origin, three numbers each; all zero where a
 /// triangle has no frame.
@@ -90,12 +93,14 @@ impl Work for MakeFrames<'_, '_> {
     }
 }
 
-/// Which triangles have a frame and show something to `eye`: their front looks there, or their back
-/// is shown, too. Bit t % 16 of word t / 16 is triangle t.
+/// Which triangles have a frame and show something to a camera: their front looks there, or their
+/// back is shown, too, and what stands on them can reach the frame. Bit t % 16 of word t / 16 is
+/// triangle t.
 pub(crate) struct FindVisible<'s, 'a> {
     pub(crate) avatar: &'s Avatar<'a>,
     pub(crate) blocks: &'s [FrameBlock],
-    pub(crate) eye: [f32; 3],
+    pub(crate) view: &'s View<f32>,
+    pub(crate) extent: Extent,
     pub(crate) visible: &'s mut [u32],
 }
 
@@ -104,19 +109,27 @@ impl Work for FindVisible<'_, '_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) {
-        let Self { avatar, blocks, eye, visible } = self;
+        let Self { avatar, blocks, view, extent, visible } = self;
         let kind = avatar.header().frame;
-        let eye = each(
-            eye,
+        let frustum = Frustum::of(view).map(
             #[inline(always)]
             |x| V::splat(token, x),
         );
+        let eye = each(
+            view.eye,
+            #[inline(always)]
+            |x| V::splat(token, x),
+        );
+        let offset = V::splat(token, extent.offset);
+        let sigma = V::splat(token, extent.sigma);
         for ((word, block), index) in visible.iter_mut().zip(blocks).zip(0..) {
             let (mut exist, mut face) = (0, 0);
             let mut at = 0;
             while at < MAX_LANES {
                 let (frame, exists) = block.load::<V>(token, at);
-                exist |= V::bits(exists) << at;
+                let size = dot(frame.x, frame.x).sqrt();
+                let misses = frustum.misses(frame.origin, size * offset, size * sigma);
+                exist |= (V::bits(exists) & !V::bits(misses)) << at;
                 face |= V::bits(frame.faces(kind, eye)) << at;
                 at += V::LEN;
             }

@@ -3,12 +3,14 @@
 use dermis_format::Avatar;
 
 use crate::error::Error;
+use crate::extent::Extent;
 use crate::frame::Frame;
 use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
 use crate::lanes::MAX_LANES;
 use crate::math::{Affine, transform};
 use crate::pose::{self, Pose};
+use crate::project::View;
 use crate::scratch::{Scratch, words};
 
 /// An avatar in a pose. Made once for all cameras.
@@ -85,10 +87,11 @@ impl<'s, 'a> Posed<'s, 'a> {
         block.map_or([0.0; 12], |block| block.numbers(triangle as usize % MAX_LANES))
     }
 
-    /// Finds the triangles that show something to `eye`; see [`FindVisible`].
-    pub(crate) fn find_visible(&self, eye: [f32; 3], visible: &mut [u32]) {
+    /// Finds the triangles on which Gaussians of `extent` show something to a camera; see
+    /// [`FindVisible`].
+    pub(crate) fn find_visible(&self, view: &View<f32>, extent: Extent, visible: &mut [u32]) {
         let Self { avatar, frames: blocks, kernel, .. } = *self;
-        kernel.run(FindVisible { avatar, blocks, eye, visible });
+        kernel.run(FindVisible { avatar, blocks, view, extent, visible });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back

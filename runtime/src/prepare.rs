@@ -6,6 +6,7 @@ use dermis_format::Avatar;
 
 use crate::camera::Camera;
 use crate::error::Error;
+use crate::extent::Extent;
 use crate::frames::FrameBlock;
 use crate::kernel::Kernel;
 use crate::parts::Source;
@@ -74,7 +75,7 @@ impl<'s> Prepared<'s> {
         let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
-        posed.find_visible(camera.view.eye, visible);
+        posed.find_visible(&camera.view, Extent::of_plan(avatar, plan), visible);
         let source = Source { posed, plan, camera: &camera, visible };
         let mut shares = source.split(&mut *slots, parts);
         run(&mut shares);
@@ -105,13 +106,7 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
         return Err(Error::Size { width, height });
     }
-    let mut regions = plan.regions().iter().enumerate();
-    if plan.regions().len() != usize::from(avatar.header().regions)
-        || regions.any(|(index, region)| region.count > avatar.region_len(index))
-    {
-        return Err(Error::Plan);
-    }
-    Ok(())
+    plan.check(avatar)
 }
 
 /// Moves the runs `filled` of `slots` together.

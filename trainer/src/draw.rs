@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use anyhow::Result;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics,
-    render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, Posed, Prepared,
+    Statistics, render, scratch_len,
 };
 use serde::Serialize;
 
@@ -94,9 +94,10 @@ pub fn draw_timed(
 
 fn framebuffer(rgba: &mut [u8], width: u32, background: [f32; 3]) -> Framebuffer<'_> {
     Framebuffer {
-        pixels: rgba,
+        pixels: Pixels::Rgba8(rgba),
         stride: width as usize * 4,
         background: Background::Color(background),
+        depth: None,
     }
 }
 

@@ -4,6 +4,9 @@
 //! and properties, and what needs no reference.
 
 mod batches;
+mod depths;
+mod export;
+mod formats;
 mod formulas;
 mod hostile;
 mod limits;

@@ -4,8 +4,8 @@ use dermis_runtime::framebuffer::to_byte;
 use dermis_runtime::math::Affine;
 use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, raster, render,
-    scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, Posed, Prepared, raster,
+    render, scratch_len,
 };
 use dermis_tests::picture::kernels;
 use dermis_trainer::eval::reference::draw_reference;
@@ -190,8 +190,12 @@ impl Case {
         let mut scratch = vec![u32::MAX; scratch_len(avatar, plan.gaussians(), width, height)];
         let mut pixels = vec![0x5a; (row + PADDING) * height as usize];
         let background = Background::Color(BACKGROUND);
-        let mut framebuffer =
-            Framebuffer { pixels: &mut pixels, stride: row + PADDING, background };
+        let mut framebuffer = Framebuffer {
+            pixels: Pixels::Rgba8(&mut pixels),
+            stride: row + PADDING,
+            background,
+            depth: None,
+        };
         let pose = self.stand.pose();
         let drawn =
             render(avatar, &pose, plan, &self.camera, kernel, &mut scratch, &mut framebuffer);
