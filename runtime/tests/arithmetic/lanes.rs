@@ -199,10 +199,10 @@ fn functions_of_some_numbers() {
 struct Integers<'a>(&'a [i32]);
 
 impl Work for Integers<'_> {
-    type Output = [Vec<u32>; 3];
+    type Output = [Vec<u32>; 4];
 
-    fn run<V: Lanes>(self, token: V::Token) -> [Vec<u32>; 3] {
-        let [mut loaded, mut shorts, mut bytes] = [const { Vec::new() }; 3];
+    fn run<V: Lanes>(self, token: V::Token) -> [Vec<u32>; 4] {
+        let [mut loaded, mut shorts, mut bytes, mut fields] = [const { Vec::new() }; 4];
         let mut words = [0; MAX_LANES];
         for chunk in self.0.chunks_exact(V::LEN) {
             push(V::load_integers(token, chunk), &mut loaded);
@@ -210,26 +210,35 @@ impl Work for Integers<'_> {
                 let codes: Vec<i32> = chunk.iter().map(|&x| f(x)).collect();
                 V::load_integers(token, &codes)
             };
-            V::store_fields([of(|x| x & 0xffff), of(|x| (x * 7) & 0xffff)], [0, 16], &mut words);
+            // Rounded down.
+            let (x, y) = (of(|x| x & 0xffff), of(|x| (x * 7) & 0xffff));
+            V::store_fields([x + x.like(0.5), y], [0, 16], &mut words);
             shorts.extend(&words[..V::LEN]);
             let channels = [of(|x| x & 255), of(|x| (x * 3) & 255), of(|x| (x >> 8) & 255)];
             let [r, g, b] = channels;
             V::store_fields([r, g, b, of(|x| !x & 255)], [0, 8, 16, 24], &mut words);
             bytes.extend(&words[..V::LEN]);
+            push(V::load_field(token, &words, 24, 0xff), &mut fields);
+            push(V::load_field(token, &words, 5, 0x3f), &mut fields);
+            push(V::load_field(token, &words, 0, 0xff_ffff), &mut fields);
         }
-        [loaded, shorts, bytes]
+        [loaded, shorts, bytes, by_number(fields, V::LEN, 3)]
     }
 }
 
 #[test]
 fn integers_in_and_out() {
     let codes: Vec<i32> = (0..1 << 16).chain((1 << 24) - 1024..1 << 24).collect();
-    let [loaded, shorts, bytes] = Integers(&codes).run::<f32>(());
+    let [loaded, shorts, bytes, fields] = Integers(&codes).run::<f32>(());
     for (i, &code) in codes.iter().enumerate() {
         assert_eq!(loaded[i], (code as f32).to_bits());
         assert_eq!(shorts[i], (code & 0xffff | ((code * 7) & 0xffff) << 16) as u32);
         let expected = [code, code * 3, code >> 8, !code].map(|x| (x & 255) as u8);
-        assert_eq!(bytes[i], u32::from_le_bytes(expected));
+        let word = u32::from_le_bytes(expected);
+        assert_eq!(bytes[i], word);
+        let expected =
+            [word >> 24, word >> 5 & 0x3f, word & 0xff_ffff].map(|x| (x as f32).to_bits());
+        assert_eq!(fields[3 * i..3 * i + 3], expected);
     }
     assert_same("integers", Integers(&codes));
 }
@@ -251,10 +260,13 @@ impl Work for Short {
         V::splat(token, 1.0).store(&mut short);
         let mut words = vec![7; V::LEN - 1];
         V::store_fields([V::splat(token, 1.0); 4], [0, 8, 16, 24], &mut words);
-        V::store_fields([V::splat(token, 1.0); 2], [0, 16], &mut words);
         let untouched = short.iter().all(|&x| x == 7.0) && words.iter().all(|&x| x == 7);
-        let loaded = V::load(token, &short);
-        untouched && zero(loaded) && zero(V::load_integers(token, &vec![7; V::LEN - 1]))
+        let loaded = [
+            V::load(token, &short),
+            V::load_integers(token, &vec![7; V::LEN - 1]),
+            V::load_field(token, &words, 0, 0xff),
+        ];
+        untouched && loaded.into_iter().all(zero)
     }
 }
 

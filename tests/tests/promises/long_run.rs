@@ -42,9 +42,12 @@ fn draw(frame: u32, avatar: &Avatar<'_>, scratch: &mut [u32], pixels: &mut [u8])
     let budget = 300 + (2_700.0 * back_and_forth(frame, 611)) as u32;
     let plan = Plan::with_budget(avatar, budget);
     let background = Background::Color([0.1, 0.2, 0.3]);
-    let pixels = Pixels::Rgba8(pixels);
-    let stride = SIZE as usize * 4;
-    let mut framebuffer = Framebuffer { pixels, stride, background, depth: None };
+    let mut framebuffer = Framebuffer {
+        pixels: Pixels::Rgba8(pixels),
+        stride: SIZE as usize * 4,
+        background,
+        depth: None,
+    };
     let camera = camera(frame);
     let kernel = Kernel::detect();
     let drawn = render(avatar, &pose, &plan, &camera, kernel, scratch, &mut framebuffer);
