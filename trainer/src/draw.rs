@@ -3,9 +3,10 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{
     Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics,
-    render, scratch_len,
+    raster, render, scratch_len,
 };
 use serde::Serialize;
 
@@ -51,6 +52,37 @@ pub fn draw(
     let kernel = Kernel::detect();
     let statistics = render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer)?;
     Ok(Drawn { rgba, statistics, scratch_bytes: scratch.len() * 4 })
+}
+
+/// Draws one frame and gives it before it is rounded to bytes: (r, g, b) of each pixel over
+/// `background`, row-major.
+pub fn draw_unrounded(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    kernel: Kernel,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Result<Vec<[f32; 3]>> {
+    let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
+    let mut posing = vec![0; Posed::scratch_len(avatar)];
+    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
+    let posed = Posed::new(avatar, pose, kernel, &mut posing)?;
+    let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
+    let grid = TileGrid::new(width, height);
+    let mut picture = vec![[0.0; 3]; width as usize * height as usize];
+    prepared.for_each_tile(0..grid.rows, &mut drawing, |tile, _, pixels| {
+        let [columns, rows] = grid.pixels(tile);
+        for (y, row) in rows.zip(&pixels.0) {
+            for (column, x) in columns.clone().enumerate() {
+                let [r, g, b, t] = raster::pixel(row, column);
+                let color = [0, 1, 2].map(|i| [r, g, b][i] + t * background[i]);
+                picture[(y * width + x) as usize] = color;
+            }
+        }
+    })?;
+    Ok(picture)
 }
 
 /// Draws one frame stage by stage with a clock beside it. Lists are made once more than needed:
