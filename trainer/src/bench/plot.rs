@@ -110,6 +110,8 @@ impl Panel {
         // Room for the legend.
         let x = x.start..x.end * 3.0;
         let y = around(self.marks.iter().map(|mark| mark.y.max(LEAST_ERROR)));
+        // Whole decades, so that the axis has numbers.
+        let y = 10f64.powf(y.start.log10().floor())..10f64.powf(y.end.log10().ceil());
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, ("sans-serif", 16))
             .margin(14)
