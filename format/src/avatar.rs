@@ -266,6 +266,14 @@ impl<'a> Avatar<'a> {
         self.sides.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
     }
 
+    /// [`Self::is_two_sided`] of triangles 16 · `index` and following, the first in the lowest bit.
+    #[inline]
+    pub fn two_sided_of_sixteen(&self, index: usize) -> u16 {
+        let byte = |at: usize| self.sides.get(at).copied().unwrap_or(0);
+        let at = index.saturating_mul(2);
+        u16::from_le_bytes([byte(at), byte(at.saturating_add(1))])
+    }
+
     /// Region of triangle `index`.
     pub fn triangle_region(&self, index: usize) -> u8 {
         self.triangle_regions.get(index).copied().unwrap_or(0)

@@ -7,13 +7,10 @@ use dermis_format::{Disc, LowPass, Records};
 use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::kernel::Work;
-use crate::lanes::{Lanes, MAX_LANES};
+use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
 use crate::math::each;
 use crate::project::{Projected, View, project};
 use crate::select::Place;
-
-/// One number of each Gaussian of a batch.
-pub type Column = [f32; MAX_LANES];
 
 /// Up to 16 Gaussians, each on the frame of its triangle.
 #[derive(Clone, Debug, Default)]
@@ -90,20 +87,9 @@ const ROTATION: usize = 9;
 
 #[inline(always)]
 fn put(codes: &mut Codes, lane: usize, column: usize, code: impl Into<i32>) {
-    if let Some(slot) = codes.get_mut(column).and_then(|column| column.get_mut(lane)) {
-        *slot = code.into();
+    if let Some(column) = codes.get_mut(column) {
+        column[lane % MAX_LANES] = code.into();
     }
-}
-
-/// Lanes `at..` of a column.
-#[inline(always)]
-pub(crate) fn load<V: Lanes>(token: V::Token, column: &Column, at: usize) -> V {
-    V::load(token, column.get(at..).unwrap_or(&[]))
-}
-
-#[inline(always)]
-pub(crate) fn store<V: Lanes>(value: V, column: &mut Column, at: usize) {
-    value.store(column.get_mut(at..).unwrap_or(&mut []));
 }
 
 /// The values of a column of codes.
@@ -265,14 +251,11 @@ fn quaternion<V: Lanes>(greatest: V, others: [V; 3]) -> [V; 4] {
 }
 
 impl<G> Batch<G> {
-    /// Puts the frame of the Gaussian in lane `lane` in its columns.
+    /// Puts the numbers of the frame (x, y, z, origin) of the Gaussian in lane `lane` in its columns.
     #[inline(always)]
-    pub fn set_frame(&mut self, lane: usize, frame: &Frame<f32>) {
-        let numbers = [frame.x, frame.y, frame.z, frame.origin];
-        for (column, number) in self.frames.iter_mut().zip(numbers.as_flattened()) {
-            if let Some(slot) = column.get_mut(lane) {
-                *slot = *number;
-            }
+    pub fn set_frame(&mut self, lane: usize, numbers: [f32; 12]) {
+        for (column, number) in self.frames.iter_mut().zip(numbers) {
+            column[lane % MAX_LANES] = number;
         }
     }
 
@@ -301,7 +284,7 @@ impl Batch<Discs> {
         if lane >= MAX_LANES {
             return;
         }
-        self.set_frame(lane, frame);
+        self.set_frame(lane, frame.numbers());
         let Discs { position: [x, y, z], angle, log2_scale: [s, t] } = &mut self.shape;
         let [r, g, b] = &mut self.color;
         let columns = [x, y, z, angle, s, t, r, g, b, &mut self.opacity];

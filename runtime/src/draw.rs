@@ -24,6 +24,27 @@ impl Prepared<'_> {
         self.grid.rows
     }
 
+    /// Cuts the frame into at most `bands` bands of about the same work: rows of tiles with about as
+    /// many pairs of tile and splat.
+    pub fn bands(&self, bands: u32) -> impl Iterator<Item = Range<u32>> + '_ {
+        let columns = self.grid.columns as usize;
+        // An empty tile costs something, too.
+        let row_cost = |row: &[u32]| row.iter().map(|&count| u64::from(count) + 8).sum::<u64>();
+        let rows = self.tile_counts.chunks(columns.max(1)).map(row_cost);
+        let total: u64 = rows.clone().sum();
+        let (mut rows, mut row, mut cost) = (rows, 0, 0);
+        (1..=u64::from(bands.max(1))).filter_map(move |band| {
+            let start = row;
+            while cost * u64::from(bands.max(1)) < total * band
+                && let Some(next) = rows.next()
+            {
+                cost += next;
+                row += 1;
+            }
+            (start < row).then_some(start..row)
+        })
+    }
+
     /// Draws rows `tile_rows` of tiles. Row 0 of `framebuffer` is the band's first row of pixels.
     pub fn draw_band(
         &self,

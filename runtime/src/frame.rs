@@ -105,6 +105,18 @@ impl<R: Scalar> Frame<R> {
         Self { x: [i, o, o], y: [o, i, o], z: [o, o, i], origin: [o; 3] }
     }
 
+    /// x, y, z and origin.
+    pub fn numbers(&self) -> [R; 12] {
+        let ([a, b, c], [d, e, f], [g, h, i]) = (self.x, self.y, self.z);
+        let [j, k, l] = self.origin;
+        [a, b, c, d, e, f, g, h, i, j, k, l]
+    }
+
+    /// The inverse of [`Self::numbers`].
+    pub fn of_numbers([a, b, c, d, e, f, g, h, i, j, k, l]: [R; 12]) -> Self {
+        Self { x: [a, b, c], y: [d, e, f], z: [g, h, i], origin: [j, k, l] }
+    }
+
     /// [`Frame::of_triangles`] of one triangle.
     pub fn of_triangle(kind: FrameKind, corners: [[R; 3]; 3]) -> Option<Self> {
         let (frame, exists) = Self::of_triangles(kind, corners);

@@ -21,7 +21,11 @@ pub fn disc_on<R: Real>(
     log2_scale: [R; 2],
 ) -> Ellipsoid<R, 2> {
     let [sin, cos] = angle.line();
-    let [first, second] = each(log2_scale, R::exp2);
+    let [first, second] = each(
+        log2_scale,
+        #[inline(always)]
+        |scale: R| scale.exp2(),
+    );
     let zero = angle.like(0.0);
     Ellipsoid {
         center: frame.point(position),

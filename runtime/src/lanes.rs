@@ -1,7 +1,8 @@
 //! Vectors of f32 whose lanes do what one f32 does, bit for bit.
 //!
 //! Only + − × ÷ √, comparisons, selections and bit operations are used: they are equal at every
-//! level of fearless_simd. Its `min`, `max`, `mul_add`, reciprocals and roundings are not.
+//! level of fearless_simd. Its `mul_add`, reciprocals and roundings are not, nor are its `min` and
+//! `max` for NaN and zeros.
 
 use core::ops::BitAnd;
 
@@ -12,6 +13,20 @@ use crate::math::{ROOT_HALF_BITS, Real, Single};
 
 /// Most lanes of any vector.
 pub const MAX_LANES: usize = 16;
+
+/// One number of each of sixteen things.
+pub type Column = [f32; MAX_LANES];
+
+/// Lanes `at..` of a column.
+#[inline(always)]
+pub(crate) fn load<V: Lanes>(token: V::Token, column: &Column, at: usize) -> V {
+    V::load(token, column.get(at..).unwrap_or(&[]))
+}
+
+#[inline(always)]
+pub(crate) fn store<V: Lanes>(value: V, column: &mut Column, at: usize) {
+    value.store(column.get_mut(at..).unwrap_or(&mut []));
+}
 
 /// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
 pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
@@ -29,6 +44,8 @@ pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
     fn store(self, to: &mut [f32]);
     /// Bit i is lane i.
     fn bits(mask: Self::Mask) -> u32;
+    /// 2 × 16 bits a lane, from integers in 0..=65,535: the first in the lower bits.
+    fn store_shorts(halves: [Self; 2], to: &mut [u32]);
     /// 4 × 8 bits a lane, from numbers in 0..=255: the first in the lowest byte.
     fn store_bytes(channels: [Self; 4], to: &mut [u32]);
 }
@@ -57,6 +74,12 @@ impl Lanes for f32 {
     #[inline(always)]
     fn bits(mask: bool) -> u32 {
         u32::from(mask)
+    }
+    #[inline(always)]
+    fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
+        if let Some(to) = to.first_mut() {
+            *to = low as i32 as u32 | (high as i32 as u32) << 16;
+        }
     }
     #[inline(always)]
     fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
@@ -107,9 +130,15 @@ macro_rules! lanes {
 
         impl<S: Simd> Single for $float<S> {
             #[inline(always)]
-            fn power_of_two(rounded: Self) -> Self {
-                let bits: $signed<S> = rounded.bitcast();
-                ((bits + 127) << 23).bitcast()
+            fn times_power_of_two(self, rounded: Self) -> Self {
+                let (bits, exponent): ($signed<S>, $signed<S>) =
+                    (self.bitcast(), rounded.bitcast());
+                (bits + (exponent << 23)).bitcast()
+            }
+            #[inline(always)]
+            fn least(self, other: Self) -> Self {
+                // Levels differ for NaN and zeros only.
+                self.min(other)
             }
             #[inline(always)]
             fn mantissa_and_exponent(self) -> [Self; 2] {
@@ -150,6 +179,14 @@ macro_rules! lanes {
             #[inline(always)]
             fn bits(mask: Self::Mask) -> u32 {
                 mask.to_bitmask() as u32
+            }
+            #[inline(always)]
+            fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
+                let [low, high]: [$signed<S>; 2] = [low.to_int(), high.to_int()];
+                let word: $unsigned<S> = (low | high << 16).bitcast();
+                if let Some(to) = to.first_chunk_mut::<$len>() {
+                    word.store_array(to);
+                }
             }
             #[inline(always)]
             fn store_bytes(channels: [Self; 4], to: &mut [u32]) {

@@ -20,13 +20,17 @@ pub mod batch;
 pub mod camera;
 pub mod draw;
 pub mod error;
+mod extent;
 pub mod frame;
 pub mod framebuffer;
+mod frames;
+mod frustum;
 pub mod gaussian;
 pub mod harmonics;
 pub mod kernel;
 pub mod lanes;
 pub mod math;
+mod parts;
 pub mod plan;
 pub mod pose;
 pub mod posed;
@@ -47,7 +51,7 @@ pub use kernel::{Kernel, Level};
 pub use plan::Plan;
 pub use pose::Pose;
 pub use posed::Posed;
-pub use prepare::Prepared;
+pub use prepare::{Part, Prepared};
 
 /// What a frame took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,7 +68,7 @@ pub struct Statistics {
 pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
     let budget = budget.min(avatar.header().gaussians);
     Posed::scratch_len(avatar)
-        .saturating_add(Prepared::scratch_len(budget, width, height))
+        .saturating_add(Prepared::scratch_len(avatar, budget, width, height))
         .saturating_add(Prepared::band_scratch_len(budget, width, height))
 }
 
@@ -88,7 +92,7 @@ pub fn render(
         return Err(missing);
     }
     let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
-    let preparing = Prepared::scratch_len(budget, width, height);
+    let preparing = Prepared::scratch_len(avatar, budget, width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
     let posed = Posed::new(avatar, pose, kernel, posing)?;
     let prepared = Prepared::new(&posed, plan, camera, preparing)?;

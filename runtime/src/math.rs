@@ -27,7 +27,7 @@ pub trait Real:
     fn like(self, x: f32) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
-    /// 2ˣ; 0 for x < −126, 2¹²⁷ for x > 127. For f32: relative error at most 3e-6 of either sign.
+    /// 2ˣ; 0 for x < −125, 2¹²⁷ for x > 127. For f32: relative error at most 3e-6 of either sign.
     fn exp2(self) -> Self;
     /// log₂ x for normal x > 0; −127 for all else. For f32: error at most 3e-7 + 1.2e-7 |log₂ x|.
     fn log2(self) -> Self;
@@ -100,8 +100,11 @@ pub trait Scalar: Real<Mask = bool> + PartialOrd {
 
 /// f32, one or several: what the polynomials below need beyond [`Real`].
 pub trait Single: Real {
-    /// 2ⁿ for a number n in −126..=127 to which [`ROUNDER`] was added.
-    fn power_of_two(rounded: Self) -> Self;
+    /// x · 2ⁿ for n to which [`ROUNDER`] was added, where neither x nor the result is subnormal, zero
+    /// or not finite: the exponent's bits are added to.
+    fn times_power_of_two(self, rounded: Self) -> Self;
+    /// The smaller one of two finite numbers that are not zero.
+    fn least(self, other: Self) -> Self;
     /// m in [√½, √2) and n with x = m · 2ⁿ, for normal x > 0.
     fn mantissa_and_exponent(self) -> [Self; 2];
 }
@@ -157,8 +160,12 @@ impl Scalar for f32 {
 
 impl Single for f32 {
     #[inline(always)]
-    fn power_of_two(rounded: Self) -> Self {
-        Self::from_bits(rounded.to_bits().wrapping_add(127) << 23)
+    fn times_power_of_two(self, rounded: Self) -> Self {
+        Self::from_bits(self.to_bits().wrapping_add(rounded.to_bits() << 23))
+    }
+    #[inline(always)]
+    fn least(self, other: Self) -> Self {
+        self.at_most(other)
     }
     #[inline(always)]
     fn mantissa_and_exponent(self) -> [Self; 2] {
@@ -324,13 +331,13 @@ pub fn exp2_of_alpha<S: Single>(p: S) -> S {
     let f = p - (rounded - rounder);
     let power =
         polynomial(f, [0.999_999_3, 0.693_121_8, 0.240_247_45, 0.055_917_86, 0.009_570_102]);
-    power * S::power_of_two(rounded)
+    power.times_power_of_two(rounded)
 }
 
 #[inline(always)]
 pub(crate) fn exp2<S: Single>(x: S) -> S {
-    let power = exp2_of_alpha(x.at_most(x.like(127.0)).at_least(x.like(-126.0)));
-    S::select(x.below(x.like(-126.0)), x.like(0.0), power)
+    let power = exp2_of_alpha(x.at_most(x.like(127.0)).at_least(x.like(-125.0)));
+    S::select(x.below(x.like(-125.0)), x.like(0.0), power)
 }
 
 /// log₂ m = s Q(s²) with s = (m − 1) / (m + 1), |s| ≤ 0.172 and Q of degree 3: off by 3.5e-10.

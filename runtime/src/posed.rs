@@ -1,13 +1,16 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
-use bytemuck::{Pod, Zeroable};
 use dermis_format::Avatar;
 
 use crate::error::Error;
+use crate::extent::Extent;
 use crate::frame::Frame;
+use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
+use crate::lanes::MAX_LANES;
 use crate::math::{Affine, transform};
 use crate::pose::{self, Pose};
+use crate::project::View;
 use crate::scratch::{Scratch, words};
 
 /// An avatar in a pose. Made once for all cameras.
@@ -15,14 +18,9 @@ use crate::scratch::{Scratch, words};
 pub struct Posed<'s, 'a> {
     avatar: &'s Avatar<'a>,
     vertices: &'s [[f32; 3]],
-    frames: &'s [StoredFrame],
+    frames: &'s [FrameBlock],
     kernel: Kernel,
 }
-
-/// A frame in scratch: its axes and origin, all zero where the triangle has none.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(transparent)]
-struct StoredFrame([[f32; 3]; 4]);
 
 impl<'s, 'a> Posed<'s, 'a> {
     /// Words of scratch that posing this avatar takes.
@@ -32,11 +30,8 @@ impl<'s, 'a> Posed<'s, 'a> {
         let moving = words::<Affine>(usize::from(header.joints))
             + words::<Affine>(usize::from(header.binds))
             + words::<f32>(usize::from(header.morph_targets));
-        moving.saturating_add(words::<[f32; 3]>(header.vertices as usize)).saturating_add(words::<
-            StoredFrame,
-        >(
-            header.triangles as usize,
-        ))
+        let frames = words::<FrameBlock>(FrameBlock::count(header.triangles));
+        moving.saturating_add(words::<[f32; 3]>(header.vertices as usize)).saturating_add(frames)
     }
 
     /// Skins the vertices (morph targets, then linear blend skinning) and frames the triangles.
@@ -53,20 +48,14 @@ impl<'s, 'a> Posed<'s, 'a> {
         let matrices = scratch.take(usize::from(header.binds))?;
         let weights = scratch.take(usize::from(header.morph_targets))?;
         let vertices = scratch.take(header.vertices as usize)?;
-        let frames = scratch.take(header.triangles as usize)?;
+        let frames = scratch.take(FrameBlock::count(header.triangles))?;
         if let Pose::Vertices(given) = pose {
             pose::copy("vertices", vertices, given)?;
         } else {
             pose::evaluate(avatar, pose, joints, matrices, weights)?;
             skin(avatar, matrices, weights, vertices);
         }
-        for (index, frame) in frames.iter_mut().enumerate() {
-            let corner = |i: u32| vertices.get(i as usize).copied().unwrap_or([0.0; 3]);
-            *frame = StoredFrame::of(Frame::of_triangle(
-                header.frame,
-                avatar.triangle(index).map(corner),
-            ));
-        }
+        kernel.run(MakeFrames { avatar, vertices, blocks: &mut *frames });
         Ok(Self { avatar, vertices, frames, kernel })
     }
 
@@ -86,30 +75,31 @@ impl<'s, 'a> Posed<'s, 'a> {
     }
 
     /// Frame of a triangle; `None` where it has none.
-    #[inline]
     pub fn frame(&self, triangle: u32) -> Option<Frame<f32>> {
-        self.frames.get(triangle as usize).and_then(|frame| frame.get())
+        let numbers = self.frame_numbers(triangle);
+        (numbers != [0.0; 12]).then_some(Frame::of_numbers(numbers))
     }
 
-    /// Frame of a triangle on which something can be seen from `eye`: its front faces it, or its
-    /// back is shown, too.
-    #[inline]
-    pub fn shown_frame(&self, triangle: u32, eye: [f32; 3]) -> Option<Frame<f32>> {
+    /// [`Frame::numbers`] of a triangle, all zero where it has none.
+    #[inline(always)]
+    pub(crate) fn frame_numbers(&self, triangle: u32) -> [f32; 12] {
+        let block = self.frames.get(triangle as usize / MAX_LANES);
+        block.map_or([0.0; 12], |block| block.numbers(triangle as usize % MAX_LANES))
+    }
+
+    /// Finds the triangles on which Gaussians of `extent` show something to a camera; see
+    /// [`FindVisible`].
+    pub(crate) fn find_visible(&self, view: &View<f32>, extent: Extent, visible: &mut [u32]) {
+        let Self { avatar, frames: blocks, kernel, .. } = *self;
+        kernel.run(FindVisible { avatar, blocks, view, extent, visible });
+    }
+
+    /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back
+    /// is shown, too.
+    pub fn shows(&self, triangle: u32, eye: [f32; 3]) -> bool {
         let two_sided = self.avatar.is_two_sided(triangle as usize);
         let kind = self.avatar.header().frame;
-        self.frame(triangle).filter(|frame| frame.shows(kind, two_sided, eye))
-    }
-}
-
-impl StoredFrame {
-    fn of(frame: Option<Frame<f32>>) -> Self {
-        frame.map_or(Self::zeroed(), |f| Self([f.x, f.y, f.z, f.origin]))
-    }
-
-    #[inline]
-    fn get(&self) -> Option<Frame<f32>> {
-        let [x, y, z, origin] = self.0;
-        (x != [0.0; 3]).then_some(Frame { x, y, z, origin })
+        self.frame(triangle).is_some_and(|frame| frame.shows(kind, two_sided, eye))
     }
 }
 

@@ -98,6 +98,21 @@ impl<R: Real> View<R> {
         self.focal
     }
 
+    /// Principal point, px.
+    pub(crate) fn center(&self) -> [R; 2] {
+        self.center
+    }
+
+    /// Greatest |x / z| and |y / z| of the Jacobian.
+    pub(crate) fn limit(&self) -> [R; 2] {
+        self.limit
+    }
+
+    /// Width and height, px.
+    pub(crate) fn size(&self) -> [R; 2] {
+        self.size
+    }
+
     /// Slopes x/z and y/z at which the Jacobian is taken: no further out than
     /// [`JACOBIAN_LIMIT`] times the half width of the view.
     #[inline(always)]

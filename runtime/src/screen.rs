@@ -3,12 +3,12 @@
 
 use dermis_format::LowPass;
 
-use crate::batch::{Batch, Column, Shape, load, store};
+use crate::batch::{Batch, Shape};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics;
 use crate::kernel::{Kernel, Work};
-use crate::lanes::{Lanes, MAX_LANES};
+use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
 use crate::math::each;
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};
@@ -117,9 +117,10 @@ impl<G: Shape> Work for Project<'_, '_, G> {
             for (column, value) in out.splats.iter_mut().zip(splat) {
                 store(value, column, at);
             }
-            for (column, value) in out.bounds.iter_mut().zip(footprint.bounds) {
-                store(value, column, at);
-            }
+            let [x0, y0, x1, y1] = footprint.bounds;
+            let [first, end] = &mut out.bounds;
+            V::store_shorts([x0, y0], first.get_mut(at..).unwrap_or(&mut []));
+            V::store_shorts([x1, y1], end.get_mut(at..).unwrap_or(&mut []));
             at += V::LEN;
         }
         touches
@@ -165,7 +166,8 @@ where
 struct Columns {
     /// In the order of [`Splat`]'s fields.
     splats: [Column; 10],
-    bounds: [Column; 4],
+    /// First column and row, then one past the last ones, 16 bits each.
+    bounds: [[u32; MAX_LANES]; 2],
 }
 
 impl Columns {
@@ -174,13 +176,14 @@ impl Columns {
         let lane = lane % MAX_LANES;
         let [x, y, a, b, c, log2_opacity, red, green, blue, depth] =
             self.splats.each_ref().map(|column| column[lane]);
+        let [first, end] = self.bounds.each_ref().map(|column| column[lane]);
         Splat {
             mean: [x, y],
             falloff: [a, b, c],
             log2_opacity,
             color: [red, green, blue],
             depth,
-            bounds: self.bounds.each_ref().map(|column| column[lane] as i32 as u16),
+            bounds: [first as u16, (first >> 16) as u16, end as u16, (end >> 16) as u16],
         }
     }
 }

@@ -4,7 +4,6 @@ use dermis_format::quant::opacity_value;
 use dermis_format::record::GroupRecord;
 use dermis_format::{Avatar, Block, Disc, Full, Records, order};
 
-use crate::frame::Frame;
 use crate::math::Scalar;
 use crate::plan::{Plan, RegionPlan};
 
@@ -83,45 +82,49 @@ pub fn for_each_block<'a>(
     }
 }
 
-/// Calls `visit` with the Gaussians of a block that are drawn and whose triangle has a frame, which
-/// is asked for once for each run of Gaussians on one triangle.
+/// Calls `visit` with the Gaussians of a block that are drawn and whose triangle `shows`; without a
+/// mesh, all that are drawn.
 #[inline(always)]
 pub fn for_each_of_block<'a, 'b>(
     block: &'b Block<'a>,
     region: &RegionPlan,
     drawn: u32,
-    frame_of: impl Fn(u32) -> Option<Frame<f32>>,
-    mut visit: impl FnMut(Place<'a, 'b>, &Frame<f32>),
+    shows: impl Fn(u32) -> bool,
+    mut visit: impl FnMut(Place<'a, 'b>),
 ) {
     let whole = drawn >= block.count;
+    let log2_factor = region.log2_scale;
     let mut start = 0usize;
     for group in block.groups {
         let base = group.base_triangle.get();
         let len = usize::from(group.count_less_one) + 1;
-        let triangles = block.triangles.get(start..start + len).unwrap_or(&[]);
-        let (mut last, mut frame) = (None, Some(Frame::world()));
+        let triangles = block.triangles.get(start..start + len);
+        // First a list without branches: whether the next triangle shows is hard to foresee.
+        let mut chosen = [0u8; GROUP_LEN];
+        let mut count = 0;
         for at in 0..len {
-            let index = start + at;
-            if let triangle @ Some(relative) = triangles.get(at)
-                && triangle != last
-            {
-                last = triangle;
-                frame = frame_of(base + u32::from(relative.get()));
-            }
-            let Some(frame) = &frame else { continue };
-            if !whole && order::rank(index as u32, block.count) >= drawn {
-                continue;
-            }
+            let triangle = triangles.and_then(|triangles| triangles.get(at));
+            let shown = triangle.is_none_or(|relative| shows(base + u32::from(relative.get())));
+            let index = (start + at) as u32;
+            let drawn = shown & (whole || order::rank(index, block.count) < drawn);
+            chosen[count % GROUP_LEN] = at as u8;
+            count += usize::from(drawn);
+        }
+        for &at in chosen.get(..count).unwrap_or(&[]) {
+            let index = start + usize::from(at);
             let opacity = opacity_at(block, index, region);
             if opacity >= LEAST_OPACITY {
-                let triangle = last.map(|relative| base + u32::from(relative.get()));
-                let log2_factor = region.log2_scale;
-                visit(Place { block, group, index, triangle, opacity, log2_factor }, frame);
+                let triangle = triangles.and_then(|triangles| triangles.get(usize::from(at)));
+                let triangle = triangle.map(|relative| base + u32::from(relative.get()));
+                visit(Place { block, group, index, triangle, opacity, log2_factor });
             }
         }
         start += len;
     }
 }
+
+/// Gaussians of a group at most: its count less one is a byte.
+const GROUP_LEN: usize = 256;
 
 /// Opacity at level λ = i + t: (1 − t) · o[i] + t · o[i + 1] for a Gaussian of layer m ≤ i, its own
 /// opacity o[m] for an arriving one (LapisGS, 3.2).
@@ -170,6 +173,9 @@ impl<'a> Place<'a, '_> {
     /// Its harmonics.
     #[inline]
     pub fn harmonics(&self) -> Harmonics<'a> {
+        if self.block.harmonics.is_empty() {
+            return Harmonics::default();
+        }
         let len = self.block.harmonics.len() / (self.block.count as usize).max(1);
         let codes = self.block.harmonics.get(self.index * len..(self.index + 1) * len);
         Harmonics { codes: codes.unwrap_or(&[]), step: self.group.harmonics_step.get() }

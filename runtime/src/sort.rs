@@ -1,57 +1,70 @@
-//! Depth order of a tile's list: a radix sort, stable, without a comparison function.
+//! Depth order of a tile's list: stable, without a comparison function that could panic.
 
 use crate::tiles::Pair;
 
-/// Bits of a digit at most.
-const DIGIT: u32 = 8;
-/// Digits of a depth at most.
-const PASSES: usize = 4;
 /// Lists this short are sorted by insertion.
 const SHORT: usize = 24;
+/// Bits of a digit at most.
+const DIGIT: u32 = 11;
 
 /// Sorts a list by depth; pairs of one depth stay in their order. `spare` must be at least as long,
 /// or the list stays as it is.
 ///
-/// Least significant digit first, on depths less the list's least one: lists of one tile span
-/// little, so two or three passes suffice.
+/// Radix sort, least significant digit first, on depths less the list's least one: lists of one
+/// tile span so little that two digits do, wide ones for a long list, narrow ones for a short one.
 pub(crate) fn by_depth(list: &mut [Pair], spare: &mut [Pair]) {
     if list.len() <= SHORT {
         return insert(list);
     }
+    let Some(spare) = spare.get_mut(..list.len()) else { return };
     let (least, greatest) = list.iter().fold((u32::MAX, 0), |(least, greatest), pair| {
         (least.min(pair.depth), greatest.max(pair.depth))
     });
     let bits = u32::BITS - (greatest - least).leading_zeros();
-    let passes = bits.div_ceil(DIGIT);
-    let Some(spare) = spare.get_mut(..list.len()).filter(|_| passes > 0) else { return };
-    let width = bits.div_ceil(passes);
-    let mask = (1u32 << width) - 1;
-    let mut counts = [[0u32; 1 << DIGIT]; PASSES];
-    for pair in list.iter() {
-        let key = pair.depth - least;
-        for (pass, counts) in (0..passes).zip(&mut counts) {
-            counts[(key >> (pass * width) & mask) as usize % (1 << DIGIT)] += 1;
-        }
-    }
+    // A digit has about as many values as there are pairs, so that counting costs no more than moving.
+    let widest = (list.len().ilog2() + 2).min(DIGIT);
+    let passes = bits.div_ceil(widest);
+    let width = bits.checked_div(passes).map_or(0, |_| bits.div_ceil(passes));
+    let mut counts = [0; 1 << DIGIT];
     let (mut from, mut to) = (list, spare);
-    for (pass, counts) in (0..passes).zip(&mut counts) {
-        let mut place = 0;
-        for count in counts.iter_mut() {
-            place += core::mem::replace(count, place);
-        }
-        for pair in from.iter() {
-            let digit = (pair.depth - least) >> (pass * width) & mask;
-            let place = &mut counts[digit as usize % (1 << DIGIT)];
-            if let Some(slot) = to.get_mut(*place as usize) {
-                *slot = *pair;
-            }
-            *place += 1;
-        }
+    for pass in 0..passes {
+        let digit = |depth: u32| (depth - least) >> (pass * width) & ((1 << width) - 1);
+        let places = counts.get_mut(..1 << width).unwrap_or(&mut []);
+        places.fill(0);
+        count(from, places, digit);
+        scatter(from, to, places, digit);
         core::mem::swap(&mut from, &mut to);
     }
     if passes % 2 == 1 {
         // The sorted pairs are in the spare memory.
         to.copy_from_slice(from);
+    }
+}
+
+/// Counts pairs by bucket.
+#[inline(always)]
+fn count(list: &[Pair], counts: &mut [u32], bucket: impl Fn(u32) -> u32) {
+    for pair in list {
+        if let Some(count) = counts.get_mut(bucket(pair.depth) as usize) {
+            *count += 1;
+        }
+    }
+}
+
+/// Moves pairs to their buckets, in their order; `places` are the counts of the buckets.
+#[inline(always)]
+fn scatter(from: &[Pair], to: &mut [Pair], places: &mut [u32], bucket: impl Fn(u32) -> u32) {
+    let mut sum = 0;
+    for place in places.iter_mut() {
+        sum += core::mem::replace(place, sum);
+    }
+    for pair in from {
+        if let Some(place) = places.get_mut(bucket(pair.depth) as usize) {
+            if let Some(slot) = to.get_mut(*place as usize) {
+                *slot = *pair;
+            }
+            *place += 1;
+        }
     }
 }
 

@@ -41,11 +41,11 @@ impl TileGrid {
         [x..self.width.min(x + TILE), y..self.height.min(y + TILE)]
     }
 
-    /// Calls `visit` with the index of each tile that a splat's bounds meet, ascending.
-    #[inline]
-    pub fn for_each_tile(&self, splat: &Splat, mut visit: impl FnMut(u32)) {
+    /// Calls `visit` with the index of each tile in `rows` that a splat's bounds meet, ascending.
+    #[inline(always)]
+    fn for_each_tile(&self, rows: &Range<u32>, splat: &Splat, mut visit: impl FnMut(u32)) {
         let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
-        for row in y0 / TILE..y1.div_ceil(TILE) {
+        for row in (y0 / TILE).max(rows.start)..y1.div_ceil(TILE).min(rows.end) {
             for column in x0 / TILE..x1.div_ceil(TILE) {
                 visit(row * self.columns + column);
             }
@@ -67,7 +67,7 @@ pub struct Pair {
 pub fn count_tiles(grid: &TileGrid, splats: &[Splat], counts: &mut [u32]) {
     counts.fill(0);
     for splat in splats {
-        grid.for_each_tile(splat, |tile| {
+        grid.for_each_tile(&(0..grid.rows), splat, |tile| {
             if let Some(count) = counts.get_mut(tile as usize) {
                 *count += 1;
             }
@@ -107,14 +107,14 @@ pub fn fill_run(
         *end = start;
         start += counts.get(tile as usize).copied().unwrap_or(0);
     }
-    for (index, splat) in splats.iter().enumerate() {
-        let pair = Pair { depth: splat.depth.to_bits(), splat: index as u32 };
-        grid.for_each_tile(splat, |tile| {
-            let Some(end) = tile.checked_sub(run.start).and_then(|i| ends.get_mut(i as usize))
-            else {
-                return;
-            };
-            if tile < run.end
+    let columns = grid.columns.max(1);
+    let rows = run.start / columns..run.end.div_ceil(columns);
+    let open = ends.get_mut(..run.len()).unwrap_or(&mut []);
+    for (splat, index) in splats.iter().zip(0..) {
+        let pair = Pair { depth: splat.depth.to_bits(), splat: index };
+        grid.for_each_tile(&rows, splat, |tile| {
+            // A tile before the run wraps to one far behind it.
+            if let Some(end) = open.get_mut(tile.wrapping_sub(run.start) as usize)
                 && let Some(slot) = pairs.get_mut(*end as usize)
             {
                 *slot = pair;

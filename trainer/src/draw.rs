@@ -66,7 +66,7 @@ pub fn draw_unrounded(
 ) -> Result<Vec<[f32; 3]>> {
     let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
     let mut posing = vec![0; Posed::scratch_len(avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
     let posed = Posed::new(avatar, pose, kernel, &mut posing)?;
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
@@ -103,7 +103,7 @@ pub fn draw_timed(
     let plan = plan();
     let select = clock.lap();
     let budget = plan.gaussians();
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
     let mut rgba = vec![0; width as usize * height as usize * 4];
     clock.lap();

@@ -106,12 +106,18 @@ fn exponent<R: Real>(room: R, a_dx: R, b_dy: R) -> R {
 pub fn alpha<S: Single>(log2_alpha: S) -> (S, S::Mask) {
     let touches = log2_alpha.reaches(log2_alpha.like(LEAST_LOG2_ALPHA));
     let alpha = exp2_of_alpha(log2_alpha);
-    (alpha.at_most(alpha.like(GREATEST_ALPHA)), touches)
+    // Where it does not touch, alpha may be anything.
+    (alpha.least(alpha.like(GREATEST_ALPHA)), touches)
 }
 
 /// C += T α c, T −= T α.
 #[inline(always)]
-pub fn blend<R: Real>([r, g, b, t]: [R; 4], alpha: R, color: [R; 3]) -> [R; 4] {
-    let weight = t * alpha;
+pub fn blend<R: Real>(pixel: [R; 4], alpha: R, color: [R; 3]) -> [R; 4] {
+    blend_weight(pixel, pixel[3] * alpha, color)
+}
+
+/// [`blend`] with T α.
+#[inline(always)]
+fn blend_weight<R: Real>([r, g, b, t]: [R; 4], weight: R, color: [R; 3]) -> [R; 4] {
     [r + weight * color[0], g + weight * color[1], b + weight * color[2], t - weight]
 }

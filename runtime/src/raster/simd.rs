@@ -2,13 +2,14 @@
 
 use core::ops::Range;
 
-use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend, exponent};
+use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend_weight, exponent};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::math::each;
 use crate::project::Splat;
 use crate::tiles::{Pair, TILE};
 
+const SIDE: usize = TILE as usize;
 /// Splats between two looks at whether the whole tile is finished.
 const FINISHED_EVERY: usize = 64;
 /// So many splats ahead the bounds are read: by then the cache has the rest of the splat, too.
@@ -128,34 +129,31 @@ fn strip<V: Lanes>(
     let x = V::load(token, &LANES) + constant((left + first) as f32);
     let inside = x.reaches(constant(columns.start as f32)) & x.below(constant(columns.end as f32));
     let a_dx = constant(splat.falloff[0]) * (x + constant(0.5) - constant(splat.mean[0]));
+    // Nothing touches so far away.
+    let a_dx = V::select(inside, a_dx, constant(1e18));
     let color = each(splat.color, constant);
-    let lanes = first as usize..first as usize + V::LEN;
+    let first = first as usize;
     let mut blends = 0;
     for ((row, &room), &shift) in pixels.iter_mut().zip(&rows.room).zip(&rows.shift) {
         let (alpha, touches) = alpha(exponent(constant(room), a_dx, constant(shift)));
-        let [red, green, blue, transmittance] = row;
-        let (Some(red), Some(green), Some(blue), Some(transmittance)) = (
-            red.get_mut(lanes.clone()),
-            green.get_mut(lanes.clone()),
-            blue.get_mut(lanes.clone()),
-            transmittance.get_mut(lanes.clone()),
-        ) else {
+        // Four stretches of LEN, 32 apart: one check for all of them.
+        let Some(row) = row.as_flattened_mut().get_mut(first..first + 3 * SIDE + V::LEN) else {
             break;
         };
         let before = [
-            V::load(token, red),
-            V::load(token, green),
-            V::load(token, blue),
-            V::load(token, transmittance),
+            V::load(token, &row[..V::LEN]),
+            V::load(token, &row[SIDE..SIDE + V::LEN]),
+            V::load(token, &row[2 * SIDE..2 * SIDE + V::LEN]),
+            V::load(token, &row[3 * SIDE..3 * SIDE + V::LEN]),
         ];
-        let blended = touches & inside & before[3].reaches(constant(LEAST_TRANSMITTANCE));
+        let blended = touches & before[3].reaches(constant(LEAST_TRANSMITTANCE));
         blends += V::bits(blended).count_ones();
-        let alpha = V::select(blended, alpha, constant(0.0));
-        let [r, g, b, t] = blend(before, alpha, color);
-        r.store(red);
-        g.store(green);
-        b.store(blue);
-        t.store(transmittance);
+        let weight = V::select(blended, before[3] * alpha, constant(0.0));
+        let [r, g, b, t] = blend_weight(before, weight, color);
+        r.store(&mut row[..V::LEN]);
+        g.store(&mut row[SIDE..SIDE + V::LEN]);
+        b.store(&mut row[2 * SIDE..2 * SIDE + V::LEN]);
+        t.store(&mut row[3 * SIDE..3 * SIDE + V::LEN]);
     }
     u64::from(blends)
 }

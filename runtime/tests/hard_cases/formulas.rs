@@ -153,7 +153,7 @@ fn a_gaussian_is_coloured_by_the_direction_in_which_it_is_seen() {
         };
         let mut posing = vec![0; Posed::scratch_len(&avatar)];
         let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
-        let mut preparing = vec![0; Prepared::scratch_len(1, 64, 64)];
+        let mut preparing = vec![0; Prepared::scratch_len(&avatar, 1, 64, 64)];
         let plan = Plan::with_budget(&avatar, 1);
         let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
         let [splat] = prepared.splats() else { panic!("one splat") };

@@ -1,7 +1,7 @@
 //! Budgets, sizes, strides, scratch and bands.
 
 use dermis_runtime::{
-    Avatar, Background, Camera, Error, Framebuffer, Kernel, Plan, Pose, Posed, Prepared,
+    Avatar, Background, Camera, Error, Framebuffer, Kernel, Part, Plan, Pose, Posed, Prepared,
     Statistics, render, scratch_len,
 };
 
@@ -73,7 +73,7 @@ fn frames_that_cannot_be_drawn_are_errors() {
     }
     // Asking for the scratch of such a frame is no panic, either.
     assert!(scratch_len(&avatar, u32::MAX, u32::MAX, u32::MAX) > 0);
-    assert!(Prepared::scratch_len(u32::MAX, u32::MAX, u32::MAX) > 0);
+    assert!(Prepared::scratch_len(&avatar, u32::MAX, u32::MAX, u32::MAX) > 0);
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn bands_make_the_whole_frame() {
     let expected = whole(&avatar, &camera);
     let plan = Plan::with_budget(&avatar, u32::MAX);
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(400, 97, 75)];
+    let mut preparing = vec![0; Prepared::scratch_len(&avatar, 400, 97, 75)];
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
     assert_eq!(prepared.tile_rows(), 3);
@@ -178,6 +178,44 @@ fn bands_make_the_whole_frame() {
     assert_eq!(error, Error::Scratch { needed, lent });
 }
 
+/// However the projection is cut and whatever order its shares are done in, the splats are the same,
+/// and so is the frame in even bands.
+#[test]
+fn shares_and_bands_make_the_same_frame() {
+    let file = bytes(&crowd());
+    let avatar = Avatar::parse(&file).unwrap();
+    let mut posing = vec![0; Posed::scratch_len(&avatar)];
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut posing).unwrap();
+    for budget in [0, 1, 57, 400] {
+        let plan = Plan::with_budget(&avatar, budget);
+        let expected = Picture::of(&avatar, &Pose::Rest, &plan, &view());
+        let mut preparing = vec![7; Prepared::scratch_len(&avatar, budget, 97, 75)];
+        let whole = Prepared::new(&posed, &plan, &view(), &mut preparing).unwrap();
+        let splats = whole.splats().to_vec();
+        for parts in [0, 1, 2, 3, 7, 64, usize::MAX] {
+            let prepared =
+                Prepared::in_parts(&posed, &plan, &view(), &mut preparing, parts, |parts| {
+                    parts.iter_mut().rev().for_each(Part::project);
+                });
+            let prepared = prepared.unwrap();
+            assert_eq!(prepared.splats(), splats, "{parts} shares of {budget}");
+            let mut pixels = vec![0; 97 * 75 * 4];
+            let mut drawing = vec![0; Prepared::band_scratch_len(budget, 97, 75)];
+            let mut next = 0;
+            for rows in prepared.bands(parts.min(100) as u32) {
+                assert_eq!(rows.start, next, "bands follow each other");
+                next = rows.end;
+                let rest = &mut pixels[rows.start as usize * 32 * 97 * 4..];
+                let background = Background::Color([0.0; 3]);
+                let mut band = Framebuffer { pixels: rest, stride: 97 * 4, background };
+                prepared.draw_band(rows, &mut drawing, &mut band).unwrap();
+            }
+            assert_eq!(next, prepared.tile_rows());
+            assert!(pixels == expected.pixels, "{parts} bands of {budget}");
+        }
+    }
+}
+
 /// Each step says its own whole shortage.
 #[test]
 fn steps_say_how_much_scratch_they_lack() {
@@ -193,7 +231,7 @@ fn steps_say_how_much_scratch_they_lack() {
     }
     let (posing, rest) = scratch.split_at_mut(needed);
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, posing).unwrap();
-    let needed = Prepared::scratch_len(100, 97, 75);
+    let needed = Prepared::scratch_len(&avatar, 100, 97, 75);
     for lent in [0, needed - 1] {
         let error = Prepared::new(&posed, &plan, &view(), &mut rest[..lent]).unwrap_err();
         assert_eq!(error, Error::Scratch { needed, lent });

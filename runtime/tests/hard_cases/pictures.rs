@@ -164,7 +164,7 @@ fn splat_color(source: &Source, camera: &Camera) -> [f32; 3] {
     let bytes = bytes(source);
     let avatar = Avatar::parse(&bytes).unwrap();
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(1, camera.width, camera.height)];
+    let mut preparing = vec![0; Prepared::scratch_len(&avatar, 1, camera.width, camera.height)];
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
     let plan = Plan::with_budget(&avatar, 1);
     let prepared = Prepared::new(&posed, &plan, camera, &mut preparing).unwrap();

@@ -2,7 +2,6 @@
 
 use dermis_format::source::{Gaussians, Source};
 use dermis_format::{Disc, ScaleLaw, order};
-use dermis_runtime::frame::Frame;
 use dermis_runtime::select::{self, Local};
 use dermis_runtime::{Avatar, Plan};
 use proptest::prelude::*;
@@ -35,14 +34,19 @@ fn counts(plan: &Plan) -> Vec<u32> {
 
 fn selected(avatar: &Avatar<'_>, plan: &Plan) -> Vec<Disc> {
     let mut discs = Vec::new();
-    let everywhere = |_| Some(Frame::world());
     select::for_each_block(avatar, plan, |block, region, drawn| {
-        select::for_each_of_block(block, region, drawn, everywhere, |place, _| {
-            let Some(Local::Disc(disc)) = place.decode().map(|s| s.gaussian) else {
-                panic!("a disc")
-            };
-            discs.push(disc);
-        });
+        select::for_each_of_block(
+            block,
+            region,
+            drawn,
+            |_| true,
+            |place| {
+                let Some(Local::Disc(disc)) = place.decode().map(|s| s.gaussian) else {
+                    panic!("a disc")
+                };
+                discs.push(disc);
+            },
+        );
     });
     discs
 }

@@ -242,7 +242,7 @@ fn tiles_by(
 ) -> Vec<TilePixels> {
     let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
     let mut posing = vec![u32::MAX; Posed::scratch_len(avatar)];
-    let mut preparing = vec![u32::MAX; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![u32::MAX; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![u32::MAX; Prepared::band_scratch_len(budget, width, height)];
     let posed = Posed::new(avatar, pose, kernel, &mut posing).unwrap();
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing).unwrap();

@@ -114,7 +114,7 @@ pub fn prepare<R>(
     let (vertices, rest) =
         scratch.split_at_mut_checked(case.stand.vertices(&avatar) * 3).ok_or(missing)?;
     let (posing, rest) = rest.split_at_mut_checked(Posed::scratch_len(&avatar)).ok_or(missing)?;
-    let preparing = Prepared::scratch_len(plan.gaussians(), width, height);
+    let preparing = Prepared::scratch_len(&avatar, plan.gaussians(), width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
     // Three words for each vertex, so this cannot fail.
     let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
@@ -133,7 +133,7 @@ fn words(case: &Case, avatar: &Avatar<'_>, plan: &Plan) -> usize {
     let (budget, [width, height]) = (plan.gaussians(), case.size);
     (case.stand.vertices(avatar) * 3)
         .saturating_add(Posed::scratch_len(avatar))
-        .saturating_add(Prepared::scratch_len(budget, width, height))
+        .saturating_add(Prepared::scratch_len(avatar, budget, width, height))
         .saturating_add(Prepared::band_scratch_len(budget, width, height))
 }
 

@@ -20,7 +20,7 @@ pub fn draw_once(scene: &Scene<'_>, kernel: Kernel) -> Result<Statistics> {
     let camera = scene.shot.camera;
     let (width, height, budget) = (camera.width, camera.height, scene.plan().gaussians());
     let mut posing = vec![0; Posed::scratch_len(scene.avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(scene.avatar, budget, width, height)];
     let mut bands = [vec![0; Prepared::band_scratch_len(budget, width, height)]];
     let mut rgba = vec![0; width as usize * height as usize * 4];
     frame(scene, kernel, &mut posing, &mut preparing, &mut bands, &mut rgba)

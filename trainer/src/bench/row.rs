@@ -3,7 +3,7 @@
 use dermis_runtime::{Camera, Kernel};
 use serde::Serialize;
 
-use super::clock::{Clock, median};
+use super::clock::{Clock, least, median};
 use super::error::Difference;
 use super::stages::{Work, leasts, medians};
 use crate::draw::Milliseconds;
@@ -121,7 +121,8 @@ pub struct Scratch {
     pub least_over_plenty: f64,
 }
 
-/// One thread's time over that of all: medians of frames in turn, time that passes.
+/// One thread's time over that of all, time that passes: medians of frames in turn, and the least time
+/// over the least, which is what a machine that others leave alone would show.
 #[derive(Debug, Serialize)]
 pub struct SpeedUp {
     /// A whole frame by one thread.
@@ -130,6 +131,10 @@ pub struct SpeedUp {
     pub bands: f64,
     /// Of the whole frame.
     pub frame: f64,
+    /// Of lists and pixels, by the least times.
+    pub bands_of_least: f64,
+    /// Of the whole frame, by the least times.
+    pub frame_of_least: f64,
 }
 
 impl Measured {
@@ -189,10 +194,19 @@ impl Measured {
 
     fn speed_up(&self) -> SpeedUp {
         let bands = |ms: &Milliseconds| ms.sort + ms.raster;
+        let total = |ms: &Milliseconds| ms.total;
+        let least_one = |of: &dyn Fn(&Milliseconds) -> f64| {
+            least(self.rounds.iter().map(|round| of(&round.one_thread)))
+        };
+        let least_all = |of: &dyn Fn(&Milliseconds) -> f64| {
+            least(self.rounds.iter().map(|round| of(&round.ms)))
+        };
         SpeedUp {
             one_thread_total_ms: self.median(|round| round.one_thread.total),
             bands: self.median(|round| bands(&round.one_thread) / bands(&round.ms)),
             frame: self.median(|round| round.one_thread.total / round.ms.total),
+            bands_of_least: least_one(&bands) / least_all(&bands),
+            frame_of_least: least_one(&total) / least_all(&total),
         }
     }
 

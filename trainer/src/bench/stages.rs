@@ -58,7 +58,7 @@ impl Memory {
         let band = vec![0; Prepared::band_scratch_len(budget, width, height)];
         Self {
             posing: vec![0; Posed::scratch_len(scene.avatar)],
-            preparing: vec![0; Prepared::scratch_len(budget, width, height)],
+            preparing: vec![0; Prepared::scratch_len(scene.avatar, budget, width, height)],
             bands: vec![band; bands],
             rgba: vec![0; width as usize * height as usize * 4],
         }

@@ -1,19 +1,20 @@
 //! The threads that draw a frame: the only place that knows how its work is shared among them.
 //!
-//! Plans and splats are made by one thread. The frame is cut into bands of as many tile rows each,
-//! a few for each thread, since some rows hold more of the avatar than others.
+//! Poses and plans are made by one thread. Splats are made in parts, and the frame is drawn in bands of
+//! tile rows, both as the runtime divides them, a few for each thread: those that are done take what is left.
 
 use std::ops::Range;
 
 use anyhow::{Context, Result, ensure};
+use dermis_runtime::prepare::Part;
 use dermis_runtime::raster::Counts;
 use dermis_runtime::tiles::TILE;
 use dermis_runtime::{Background, Camera, Error, Framebuffer, Plan, Posed, Prepared};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Bands for each thread, where there is more than one.
-const BANDS_PER_THREAD: usize = 2;
+/// Parts and bands for each thread, where there is more than one.
+const SHARES_PER_THREAD: usize = 2;
 
 /// Some threads.
 #[derive(Debug)]
@@ -67,14 +68,14 @@ impl Team {
 
     /// Into how many bands a frame is cut: each takes a scratch of its own.
     pub fn bands(&self) -> usize {
-        if self.pool.is_some() { self.threads * BANDS_PER_THREAD } else { 1 }
+        if self.pool.is_some() { self.threads * SHARES_PER_THREAD } else { 1 }
     }
 
     /// [`Prepared::new`].
     ///
     /// # Errors
     ///
-    /// As that.
+    /// As [`Prepared::new`].
     pub fn prepare<'s>(
         &self,
         posed: &Posed<'_, '_>,
@@ -82,7 +83,10 @@ impl Team {
         camera: &Camera,
         scratch: &'s mut [u32],
     ) -> Result<Prepared<'s>, Error> {
-        Prepared::new(posed, plan, camera, scratch)
+        let Some(pool) = &self.pool else { return Prepared::new(posed, plan, camera, scratch) };
+        Prepared::in_parts(posed, plan, camera, scratch, self.bands(), |parts| {
+            pool.install(|| parts.par_iter_mut().with_max_len(1).for_each(Part::project));
+        })
     }
 
     /// Makes the lists of all tiles as [`Team::draw`] makes them, and draws nothing. Gives their pairs.
@@ -98,7 +102,7 @@ impl Team {
             })?;
             Ok(pairs)
         };
-        let bands = self.cut(prepared.tile_rows(), &mut [], 0, scratches)?;
+        let bands = self.cut(prepared, &mut [], 0, scratches)?;
         Ok(self.each(bands, list)?.into_iter().sum())
     }
 
@@ -119,7 +123,7 @@ impl Team {
             let mut framebuffer = Framebuffer { pixels: band.rgba, stride, background };
             prepared.draw_band(band.tile_rows, band.scratch, &mut framebuffer)
         };
-        let bands = self.cut(prepared.tile_rows(), canvas.rgba, stride, scratches)?;
+        let bands = self.cut(prepared, canvas.rgba, stride, scratches)?;
         let mut sum = Counts::default();
         self.each(bands, draw)?.into_iter().for_each(|counts| sum += counts);
         Ok(sum)
@@ -128,18 +132,16 @@ impl Team {
     /// Bands of the frame, top to bottom; `rgba` may be empty.
     fn cut<'b>(
         &self,
-        tile_rows: u32,
+        prepared: &Prepared<'_>,
         rgba: &'b mut [u8],
         stride: usize,
         scratches: &'b mut [Vec<u32>],
     ) -> Result<Vec<Band<'b>>> {
         let bands = self.bands();
         ensure!(scratches.len() >= bands, "{} scratches for {bands} bands", scratches.len());
-        let start = |band: usize| (u64::from(tile_rows) * band as u64 / bands as u64) as u32;
         let mut rest = rgba;
         let mut cut = Vec::with_capacity(bands);
-        for (band, scratch) in scratches.iter_mut().take(bands).enumerate() {
-            let tile_rows = start(band)..start(band + 1);
+        for (tile_rows, scratch) in prepared.bands(bands as u32).zip(scratches) {
             let bytes = tile_rows.len() * TILE as usize * stride;
             let (rgba, below) = rest.split_at_mut(bytes.min(rest.len()));
             rest = below;

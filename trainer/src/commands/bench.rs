@@ -226,7 +226,7 @@ fn text(report: &Report) -> String {
     }
     if bench.rows.iter().any(|row| row.speed_up.is_some()) {
         out += "\nspeed-up over one thread, time that passes\n";
-        out += &table(bench, "one_thread_ms bands frame", speed_up);
+        out += &table(bench, "one_thread_ms bands frame bands_of_least frame_of_least", speed_up);
     }
     for set in &bench.approximations {
         out += &approximations(set);
@@ -304,6 +304,8 @@ fn speed_up(row: &Row) -> Option<Vec<String>> {
         format!("{:.3}", speed_up.one_thread_total_ms),
         format!("{:.2}", speed_up.bands),
         format!("{:.2}", speed_up.frame),
+        format!("{:.2}", speed_up.bands_of_least),
+        format!("{:.2}", speed_up.frame_of_least),
     ])
 }
 

@@ -50,7 +50,7 @@ pub fn draw_reference(
     let (width, height) = (camera.width, camera.height);
     let budget = plan.gaussians();
     let mut posing = vec![0; Posed::scratch_len(avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(budget, width, height)];
+    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
     let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
     let posed = Posed::new(avatar, pose, Kernel::detect(), &mut posing)?;
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
@@ -70,11 +70,12 @@ fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exac
     let screen = SplatCamera { view: View::new(camera), low_pass };
     let view = View::<f64>::new(camera);
     let mut exact = Vec::new();
-    let frame_of = |triangle| posed.shown_frame(triangle, screen.view.eye);
+    let shows = |triangle| posed.shows(triangle, screen.view.eye);
     for_each_block(posed.avatar(), plan, |block, region, drawn| {
-        for_each_of_block(block, region, drawn, frame_of, |place, frame| {
-            let Some(selected) = place.decode() else { return };
-            if screen.splat(&selected, frame).is_some() {
+        for_each_of_block(block, region, drawn, shows, |place| {
+            let frame = place.triangle.map_or(Some(Frame::world()), |t| posed.frame(t));
+            let Some((selected, frame)) = place.decode().zip(frame) else { return };
+            if screen.splat(&selected, &frame).is_some() {
                 let frame = place.triangle.and_then(|triangle| exact_frame(posed, triangle));
                 let frame = frame.unwrap_or_else(Frame::world);
                 let splat = exact_splat(&view, low_pass, &selected, &frame);

@@ -6,7 +6,7 @@ use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::harmonics;
 use dermis_runtime::project::{Projected, Splat, View, footprint, project};
 use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
-use dermis_runtime::tiles::{Pair, TileGrid};
+use dermis_runtime::tiles::{Pair, TILE, TileGrid};
 use dermis_runtime::{Camera, Plan, Posed};
 
 use super::Source;
@@ -57,17 +57,17 @@ pub(super) fn splats<N: Number>(
             );
         }
         From::File { plan, back_faces } => {
-            let frame_of = |triangle| {
-                if back_faces {
-                    posed.frame(triangle)
-                } else {
-                    posed.shown_frame(triangle, view.eye)
-                }
+            let shows = |triangle| {
+                // Where it has no frame nothing is drawn, either way.
+                back_faces || posed.shows(triangle, view.eye)
             };
             for_each_block(posed.avatar(), plan, |block, region, drawn| {
-                for_each_of_block(block, region, drawn, frame_of, |place, frame| {
-                    let selected = place.decode();
-                    splats.extend(selected.and_then(|selected| projector.splat(&selected, frame)));
+                for_each_of_block(block, region, drawn, shows, |place| {
+                    let frame = place.triangle.map_or(Some(Frame::world()), |t| posed.frame(t));
+                    let known = place.decode().zip(frame);
+                    splats.extend(
+                        known.and_then(|(selected, frame)| projector.splat(&selected, &frame)),
+                    );
                 });
             });
         }
@@ -148,7 +148,12 @@ pub(super) fn lists(camera: &Camera, splats: &[Splat]) -> Vec<Vec<Pair>> {
     let mut lists = vec![Vec::new(); grid.tiles()];
     for (splat, index) in splats.iter().zip(0..) {
         let pair = Pair { depth: splat.depth.to_bits(), splat: index };
-        grid.for_each_tile(splat, |tile| lists[tile as usize].push(pair));
+        let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
+        for row in y0 / TILE..y1.div_ceil(TILE) {
+            for column in x0 / TILE..x1.div_ceil(TILE) {
+                lists[(row * grid.columns + column) as usize].push(pair);
+            }
+        }
     }
     for list in &mut lists {
         list.sort_by_key(|pair| pair.depth);

@@ -26,8 +26,15 @@ fn unchanged_it_draws_the_runtimes_picture() {
             let mut posing = vec![0; Posed::scratch_len(scene.avatar)];
             let posed = Posed::new(scene.avatar, scene.pose, Kernel::Scalar, &mut posing);
             let posed = posed.expect("scratch is long enough");
-            let mut preparing =
-                vec![0; Prepared::scratch_len(plan.gaussians(), camera.width, camera.height)];
+            let mut preparing = vec![
+                0;
+                Prepared::scratch_len(
+                    scene.avatar,
+                    plan.gaussians(),
+                    camera.width,
+                    camera.height
+                )
+            ];
             let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing);
             let prepared = prepared.expect("scratch is long enough");
             let from = From::File { plan: &plan, back_faces: false };

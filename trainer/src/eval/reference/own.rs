@@ -57,19 +57,19 @@ fn visible(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
     let avatar = posed.avatar();
     let view = View::<f64>::new(camera);
     let mut splats = Vec::new();
-    let frame_of = |triangle| {
+    let frame_of = |triangle: Option<u32>| {
+        triangle.map_or(Some(Frame::world()), |triangle| exact_frame(posed, triangle))
+    };
+    let shows = |triangle| {
         let kind = avatar.header().frame;
         let two_sided = avatar.is_two_sided(triangle as usize);
-        exact_frame(posed, triangle)
-            .is_some_and(|frame| frame.shows(kind, two_sided, view.eye))
-            // Only whether there is one: the exact one is made again for each Gaussian.
-            .then(Frame::world)
+        frame_of(Some(triangle)).is_some_and(|frame| frame.shows(kind, two_sided, view.eye))
     };
     for_each_block(avatar, plan, |block, region, drawn| {
-        for_each_of_block(block, region, drawn, frame_of, |place, _| {
-            let Some(selected) = place.decode() else { return };
-            let frame = place.triangle.and_then(|triangle| exact_frame(posed, triangle));
-            let frame = frame.unwrap_or_else(Frame::world);
+        for_each_of_block(block, region, drawn, shows, |place| {
+            let Some((selected, frame)) = place.decode().zip(frame_of(place.triangle)) else {
+                return;
+            };
             let splat = exact_splat(&view, avatar.header().low_pass, &selected, &frame);
             splats.extend(splat.filter(|splat| splat.is_seen));
         });
