@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, render, scratch_len,
 };
 
 const WIDTH: u32 = 540;
@@ -27,9 +27,10 @@ fn main() -> Result<()> {
     let mut scratch = vec![0u32; scratch_len(&avatar, BUDGET, WIDTH, HEIGHT)];
     let mut pixels = vec![0u8; (WIDTH * HEIGHT * 4) as usize];
     let mut framebuffer = Framebuffer {
-        pixels: &mut pixels,
+        pixels: Pixels::Rgba8(&mut pixels),
         stride: WIDTH as usize * 4,
         background: Background::Color([1.0, 1.0, 1.0]),
+        depth: None,
     };
     let camera = in_front_of(&avatar);
     // The widest vectors that this CPU has; every kernel draws the same bytes.

@@ -3,16 +3,20 @@
 use core::ops::Range;
 
 use crate::error::Error;
-use crate::framebuffer::Framebuffer;
+use crate::framebuffer::{Area, Framebuffer};
 use crate::prepare::Prepared;
-use crate::raster::{Counts, TilePixels, draw_tile};
+use crate::raster::{Counts, TileDepths, TilePixels, draw_tile, draw_tile_with_depths};
 use crate::scratch::{Scratch, words};
 use crate::tiles::{Pair, TILE, fill_run, next_run};
 
+/// Words of scratch that a band, or a frame, takes beyond the others if its framebuffer has depths:
+/// those of one tile.
+pub const DEPTH_SCRATCH_LEN: usize = words::<TileDepths>(1);
+
 impl Prepared<'_> {
     /// Words of scratch that a band takes at least: one tile's pixels, a list that holds every splat
-    /// of a budget, and as much to sort it. More words mean longer lists and fewer passes, never
-    /// other pixels.
+    /// of a budget, and as much to sort it; with depths [`DEPTH_SCRATCH_LEN`] more. More words mean
+    /// longer lists and fewer passes, never other pixels.
     pub fn band_scratch_len(budget: u32, width: u32, height: u32) -> usize {
         let tiles = crate::tiles::TileGrid::new(width, height).tiles();
         let lists = words::<Pair>(budget as usize).saturating_mul(2);
@@ -56,9 +60,26 @@ impl Prepared<'_> {
         let first_row = tile_rows.start * TILE;
         let end_row = (tile_rows.end * TILE).min(self.grid.height);
         framebuffer.check(self.grid.width, end_row.saturating_sub(first_row) as usize)?;
-        self.for_each_tile(tile_rows, scratch, |tile, _, pixels| {
-            framebuffer.write(&self.grid, tile, first_row, pixels);
-        })
+        let depth_tiles = usize::from(framebuffer.depth.is_some());
+        let needed = words::<TilePixels>(1)
+            .saturating_add(words::<TileDepths>(depth_tiles))
+            .saturating_add(self.lists_len(&tile_rows));
+        let mut scratch = Scratch::new(scratch, needed)?;
+        let pixels = scratch.take::<TilePixels>(1)?;
+        let depths = scratch.take::<TileDepths>(depth_tiles)?;
+        let mut counts = Counts::default();
+        self.for_each_list(tile_rows, scratch.take_rest(), |tile, order| {
+            let [columns, rows] = self.grid.pixels(tile);
+            let area = Area { columns, rows, first_row };
+            if order.is_empty() {
+                framebuffer.clear(self.kernel, &area);
+                return;
+            }
+            let Some(pixels) = pixels.first_mut() else { return };
+            counts += self.draw_tile(tile, order, pixels, depths.first_mut());
+            framebuffer.write(self.kernel, &area, pixels, depths.first());
+        })?;
+        Ok(counts)
     }
 
     /// Draws the whole frame.
@@ -77,25 +98,33 @@ impl Prepared<'_> {
         scratch: &mut [u32],
         mut finished: impl FnMut(u32, &[Pair], &TilePixels),
     ) -> Result<Counts, Error> {
-        let pixels_len = words::<TilePixels>(1);
-        let needed = pixels_len.saturating_add(self.lists_len(&tile_rows));
-        let lent = scratch.len();
-        let (pixels, lists) =
-            scratch.split_at_mut_checked(pixels_len).ok_or(Error::Scratch { needed, lent })?;
-        if lent < needed {
-            return Err(Error::Scratch { needed, lent });
-        }
-        let pixels = Scratch::new(pixels, pixels_len)?.take::<TilePixels>(1)?;
+        let needed = words::<TilePixels>(1).saturating_add(self.lists_len(&tile_rows));
+        let mut scratch = Scratch::new(scratch, needed)?;
+        let pixels = scratch.take::<TilePixels>(1)?;
         let mut counts = Counts::default();
-        self.for_each_list(tile_rows, lists, |tile, order| {
+        self.for_each_list(tile_rows, scratch.take_rest(), |tile, order| {
             for pixels in pixels.iter_mut() {
-                *pixels = TilePixels::clear();
-                counts +=
-                    draw_tile(self.kernel, self.splats, order, self.grid.pixels(tile), pixels);
+                counts += self.draw_tile(tile, order, pixels, None);
                 finished(tile, order, pixels);
             }
         })?;
         Ok(counts)
+    }
+
+    fn draw_tile(
+        &self,
+        tile: u32,
+        order: &[Pair],
+        pixels: &mut TilePixels,
+        depths: Option<&mut TileDepths>,
+    ) -> Counts {
+        let area = self.grid.pixels(tile);
+        *pixels = TilePixels::clear();
+        let Some(depths) = depths else {
+            return draw_tile(self.kernel, self.splats, order, area, pixels);
+        };
+        *depths = TileDepths::clear();
+        draw_tile_with_depths(self.kernel, self.splats, order, area, pixels, depths)
     }
 
     /// Calls `visit` with each tile of a band: its index, and its splats front to back. As many

@@ -13,18 +13,22 @@ pub enum Error {
         /// Words that were lent.
         lent: usize,
     },
-    /// The framebuffer is too short for its size and stride.
-    Framebuffer {
-        /// Bytes that are needed.
+    /// A buffer is too short for its size and stride.
+    Buffer {
+        /// Which.
+        buffer: Buffer,
+        /// As many of its units are needed.
         needed: usize,
-        /// Bytes that were lent.
+        /// As many were lent.
         lent: usize,
     },
-    /// The framebuffer's rows are nearer to each other than they are long.
+    /// The rows of a buffer are nearer to each other than they are long.
     Stride {
-        /// Bytes of a row.
+        /// Which.
+        buffer: Buffer,
+        /// Its units in a row.
         needed: usize,
-        /// Bytes from row to row.
+        /// From row to row.
         given: usize,
     },
     /// The avatar has no clip of this index.
@@ -54,6 +58,37 @@ pub enum Error {
     Plan,
 }
 
+/// What the caller lends to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// Pixels of an integer format, counted in bytes.
+    Bytes,
+    /// Pixels of a float format, counted in numbers.
+    Numbers,
+    /// Depths, counted in numbers.
+    Depths,
+    /// Posed Gaussians, counted in records.
+    Gaussians,
+}
+
+impl Buffer {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Bytes | Self::Numbers => "framebuffer",
+            Self::Depths => "depths",
+            Self::Gaussians => "posed Gaussians",
+        }
+    }
+
+    const fn unit(self) -> &'static str {
+        match self {
+            Self::Bytes => "bytes",
+            Self::Numbers | Self::Depths => "numbers",
+            Self::Gaussians => "records",
+        }
+    }
+}
+
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -62,14 +97,18 @@ impl fmt::Display for Error {
                 "scratch: {lent} words were lent but {needed} are needed; lend {} more",
                 needed.saturating_sub(lent)
             ),
-            Self::Framebuffer { needed, lent } => write!(
+            Self::Buffer { buffer, needed, lent } => write!(
                 f,
-                "framebuffer: {lent} bytes were lent but its size and stride need {needed}; lend {} more",
-                needed.saturating_sub(lent)
+                "{}: {lent} {unit} were lent but {needed} are needed; lend {} more",
+                buffer.name(),
+                needed.saturating_sub(lent),
+                unit = buffer.unit(),
             ),
-            Self::Stride { needed, given } => write!(
+            Self::Stride { buffer, needed, given } => write!(
                 f,
-                "framebuffer: its stride is {given} bytes but a row has {needed}; give a stride of at least that"
+                "{}: its stride is {given} {unit} but a row has {needed}; give a stride of at least that",
+                buffer.name(),
+                unit = buffer.unit(),
             ),
             Self::Clip { clips, index } => {
                 write!(

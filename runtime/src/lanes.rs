@@ -44,10 +44,12 @@ pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
     fn store(self, to: &mut [f32]);
     /// Bit i is lane i.
     fn bits(mask: Self::Mask) -> u32;
-    /// 2 × 16 bits a lane, from integers in 0..=65,535: the first in the lower bits.
-    fn store_shorts(halves: [Self; 2], to: &mut [u32]);
-    /// 4 × 8 bits a lane, from numbers in 0..=255: the first in the lowest byte.
-    fn store_bytes(channels: [Self; 4], to: &mut [u32]);
+    /// The integers in the bits of `mask` of `LEN` words, moved down by `shift` first; `mask` is below
+    /// 2²⁴.
+    fn load_field(token: Self::Token, from: &[u32], shift: u32, mask: u32) -> Self;
+    /// A word for each lane: numbers from 0 on, rounded down, each moved up by its shift. None may
+    /// reach the bits of the next one.
+    fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]);
 }
 
 impl Lanes for f32 {
@@ -76,16 +78,16 @@ impl Lanes for f32 {
         u32::from(mask)
     }
     #[inline(always)]
-    fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
-        if let Some(to) = to.first_mut() {
-            *to = low as i32 as u32 | (high as i32 as u32) << 16;
-        }
+    fn load_field((): (), from: &[u32], shift: u32, mask: u32) -> Self {
+        from.first().map_or(0.0, |&word| (word >> shift & mask) as f32)
     }
     #[inline(always)]
-    fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
-        let [r, g, b, a] = channels.map(|x| x as i32 as u32);
+    fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]) {
         if let Some(to) = to.first_mut() {
-            *to = r | g << 8 | b << 16 | a << 24;
+            *to = 0;
+            for i in 0..N {
+                *to |= (fields[i] as i32 as u32) << shifts[i];
+            }
         }
     }
 }
@@ -181,23 +183,30 @@ macro_rules! lanes {
                 mask.to_bitmask() as u32
             }
             #[inline(always)]
-            fn store_shorts([low, high]: [Self; 2], to: &mut [u32]) {
-                let [low, high]: [$signed<S>; 2] = [low.to_int(), high.to_int()];
-                let word: $unsigned<S> = (low | high << 16).bitcast();
-                if let Some(to) = to.first_chunk_mut::<$len>() {
-                    word.store_array(to);
+            fn load_field(token: S, from: &[u32], shift: u32, mask: u32) -> Self {
+                match from.first_chunk::<$len>() {
+                    Some(from) => {
+                        let words = $unsigned::load_array_ref(token, from);
+                        // Below 2²⁴ a word is the same number with and without a sign.
+                        let field: $signed<S> = ((words >> shift) & mask).bitcast();
+                        Self::float_from(field)
+                    }
+                    None => <Self as SimdBase<S>>::splat(token, 0.0),
                 }
             }
             #[inline(always)]
-            fn store_bytes(channels: [Self; 4], to: &mut [u32]) {
-                // In 0..=255 every level converts alike.
-                let [r, g, b, a] = channels;
-                let [r, g]: [$signed<S>; 2] = [r.to_int(), g.to_int()];
-                let [b, a]: [$signed<S>; 2] = [b.to_int(), a.to_int()];
-                let word: $unsigned<S> = (r | g << 8 | b << 16 | a << 24).bitcast();
-                if let Some(to) = to.first_chunk_mut::<$len>() {
-                    word.store_array(to);
+            fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]) {
+                let (Some(to), Some(first)) = (to.first_chunk_mut::<$len>(), fields.first()) else {
+                    return;
+                };
+                let mut words = $signed::splat(first.token(), 0);
+                for i in 0..N {
+                    // Of numbers from 0 to 65,535 every level makes the same integers.
+                    let field: $signed<S> = fields[i].to_int();
+                    words |= field << shifts[i];
                 }
+                let words: $unsigned<S> = words.bitcast();
+                words.store_array(to);
             }
         }
     };

@@ -12,6 +12,8 @@
 //! 5. Bands of tiles are sorted front to back ([`tiles`]) and blended ([`raster`], [`draw`])
 //! 6. into the caller's [`Framebuffer`] ([`framebuffer`]).
 //!
+//! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
+//!
 //! [`render`] does all of it for one avatar and one camera; [`scratch_len`] says how many words it
 //! needs. World axes are glTF's (metres, right-handed, +Y up), camera axes OpenCV's.
 #![no_std]
@@ -20,6 +22,7 @@ pub mod batch;
 pub mod camera;
 pub mod draw;
 pub mod error;
+pub mod export;
 mod extent;
 pub mod frame;
 pub mod framebuffer;
@@ -46,7 +49,8 @@ pub mod tiles;
 pub use camera::Camera;
 pub use dermis_format::Avatar;
 pub use error::Error;
-pub use framebuffer::{Background, Framebuffer};
+pub use export::{PosedGaussian, Sides};
+pub use framebuffer::{Background, Depth, Framebuffer, Pixels};
 pub use kernel::{Kernel, Level};
 pub use plan::Plan;
 pub use pose::Pose;
@@ -64,7 +68,8 @@ pub struct Statistics {
     pub counts: raster::Counts,
 }
 
-/// Words of scratch with which [`render`] never fails for want of memory.
+/// Words of scratch with which [`render`] never fails for want of memory; with depths
+/// [`draw::DEPTH_SCRATCH_LEN`] more.
 pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
     let budget = budget.min(avatar.header().gaussians);
     Posed::scratch_len(avatar)
@@ -86,7 +91,8 @@ pub fn render(
     let budget = plan.gaussians();
     let (width, height) = (camera.width, camera.height);
     let lent = scratch.len();
-    let needed = scratch_len(avatar, budget, width, height);
+    let depths = framebuffer.depth.as_ref().map_or(0, |_| draw::DEPTH_SCRATCH_LEN);
+    let needed = scratch_len(avatar, budget, width, height).saturating_add(depths);
     let missing = Error::Scratch { needed, lent };
     if lent < needed {
         return Err(missing);

@@ -3,6 +3,8 @@
 use dermis_format::header::MAX_REGIONS;
 use dermis_format::{Avatar, ScaleLaw};
 
+use crate::error::Error;
+
 /// How much of one region is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RegionPlan {
@@ -90,6 +92,17 @@ impl Plan {
                 (sum + weight * (region.level as f32 + region.fraction), all + weight)
             });
         if weight > 0.0 { sum / weight } else { -1.0 }
+    }
+
+    /// Whether it is a plan for this avatar: as many regions, each with as many Gaussians.
+    pub(crate) fn check(&self, avatar: &Avatar<'_>) -> Result<(), Error> {
+        let mut regions = self.regions.iter().enumerate();
+        if self.regions.len() != usize::from(avatar.header().regions)
+            || regions.any(|(index, region)| region.count > avatar.region_len(index))
+        {
+            return Err(Error::Plan);
+        }
+        Ok(())
     }
 
     /// Each region's share.

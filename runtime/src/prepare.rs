@@ -106,13 +106,7 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     if !(1..=MAX_SIZE).contains(&width) || !(1..=MAX_SIZE).contains(&height) {
         return Err(Error::Size { width, height });
     }
-    let mut regions = plan.regions().iter().enumerate();
-    if plan.regions().len() != usize::from(avatar.header().regions)
-        || regions.any(|(index, region)| region.count > avatar.region_len(index))
-    {
-        return Err(Error::Plan);
-    }
-    Ok(())
+    plan.check(avatar)
 }
 
 /// Moves the runs `filled` of `slots` together.

@@ -119,8 +119,8 @@ impl<G: Shape> Work for Project<'_, '_, G> {
             }
             let [x0, y0, x1, y1] = footprint.bounds;
             let [first, end] = &mut out.bounds;
-            V::store_shorts([x0, y0], first.get_mut(at..).unwrap_or(&mut []));
-            V::store_shorts([x1, y1], end.get_mut(at..).unwrap_or(&mut []));
+            V::store_fields([x0, y0], [0, 16], first.get_mut(at..).unwrap_or(&mut []));
+            V::store_fields([x1, y1], [0, 16], end.get_mut(at..).unwrap_or(&mut []));
             at += V::LEN;
         }
         touches

@@ -9,7 +9,7 @@ use dermis_format::writer::encode;
 use dermis_format::{Disc, FrameKind, Full};
 use dermis_runtime::math::IDENTITY;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, render, scratch_len,
 };
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 
@@ -121,7 +121,8 @@ fn least_allocations(source: &Source, pose: &Pose<'_>) -> usize {
         let avatar = Avatar::parse(&bytes).unwrap();
         let plan = Plan::with_budget(&avatar, 400);
         let background = Background::Color([1.0; 3]);
-        let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 400, background };
+        let pixels = Pixels::Rgba8(&mut pixels);
+        let mut framebuffer = Framebuffer { pixels, stride: 400, background, depth: None };
         let statistics =
             render(&avatar, pose, &plan, &camera, kernel, &mut scratch, &mut framebuffer).unwrap();
         assert_eq!(statistics.gaussians_selected, 400);

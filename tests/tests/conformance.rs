@@ -5,7 +5,7 @@
 //! `cargo test --release -p dermis-tests --test conformance -- --ignored`, and then renew
 //! the table of checksums (`tests/conformance`).
 
-use dermis_conformance::{CASES, Format, How, PIXEL_BYTES, SCRATCH_WORDS, run};
+use dermis_conformance::{CASES, FRAME_WORDS, Format, How, SCRATCH_WORDS, run};
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::{Avatar, FrameKind, Full, LowPass, RecordKind, ScaleLaw, writer};
 use dermis_runtime::Kernel;
@@ -164,19 +164,21 @@ const CELL: u32 = 102;
 /// A sheet of all frames in the order of the table, for a person to look at.
 #[test]
 fn frames_can_be_looked_at() {
-    let (mut scratch, mut pixels) = (vec![0; SCRATCH_WORDS], vec![0; PIXEL_BYTES]);
+    let (mut scratch, mut frame) = (vec![0; SCRATCH_WORDS], vec![0; FRAME_WORDS]);
     let rows = CASES.len().div_ceil(SHEET) as u32;
     let mut sheet = RgbaImage::from_pixel(SHEET as u32 * CELL, rows * CELL, Rgba([90, 0, 90, 255]));
     let format = Format::Rgba8;
     for (index, case) in CASES.iter().enumerate() {
-        run(case, &How { format, bands: 1, kernel: Kernel::detect() }, &mut scratch, &mut pixels)
+        run(case, &How { format, bands: 1, kernel: Kernel::detect() }, &mut scratch, &mut frame)
             .expect(case.name);
-        let rows = pixels[..format.frame_len(case)].chunks_exact(format.stride(case));
+        let words = &frame[..format.frame_len(case)];
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
+        let rows = bytes.chunks_exact(format.stride(case));
         let packed = rows.flat_map(|row| &row[..case.size[0] as usize * 4]).copied().collect();
-        let frame = RgbaImage::from_raw(case.size[0], case.size[1], packed).expect("its size");
+        let picture = RgbaImage::from_raw(case.size[0], case.size[1], packed).expect("its size");
         let side = CELL - 6;
         let (width, height) = (case.size[0].min(side), case.size[1].min(side));
-        let cropped = imageops::crop_imm(&frame, 0, 0, width, height).to_image();
+        let cropped = imageops::crop_imm(&picture, 0, 0, width, height).to_image();
         let (x, y) = (index % SHEET, index / SHEET);
         let at = |cell: usize| i64::from(cell as u32 * CELL + 3);
         imageops::replace(&mut sheet, &cropped, at(x), at(y));

@@ -3,10 +3,9 @@
 use std::time::Instant;
 
 use anyhow::Result;
-use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, Statistics,
-    raster, render, scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, Posed, Prepared,
+    Statistics, render, scratch_len,
 };
 use serde::Serialize;
 
@@ -64,25 +63,16 @@ pub fn draw_unrounded(
     camera: &Camera,
     background: [f32; 3],
 ) -> Result<Vec<[f32; 3]>> {
-    let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
-    let mut posing = vec![0; Posed::scratch_len(avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
-    let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
-    let posed = Posed::new(avatar, pose, kernel, &mut posing)?;
-    let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
-    let grid = TileGrid::new(width, height);
-    let mut picture = vec![[0.0; 3]; width as usize * height as usize];
-    prepared.for_each_tile(0..grid.rows, &mut drawing, |tile, _, pixels| {
-        let [columns, rows] = grid.pixels(tile);
-        for (y, row) in rows.zip(&pixels.0) {
-            for (column, x) in columns.clone().enumerate() {
-                let [r, g, b, t] = raster::pixel(row, column);
-                let color = [0, 1, 2].map(|i| [r, g, b][i] + t * background[i]);
-                picture[(y * width + x) as usize] = color;
-            }
-        }
-    })?;
-    Ok(picture)
+    let mut scratch = vec![0; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
+    let mut rgba = vec![0.0; camera.width as usize * camera.height as usize * 4];
+    let mut framebuffer = Framebuffer {
+        pixels: Pixels::RgbaF32(&mut rgba),
+        stride: camera.width as usize * 4,
+        background: Background::Color(background),
+        depth: None,
+    };
+    render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer)?;
+    Ok(rgba.as_chunks::<4>().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect())
 }
 
 /// Draws one frame stage by stage with a clock beside it. Lists are made once more than needed:
@@ -126,9 +116,10 @@ pub fn draw_timed(
 
 fn framebuffer(rgba: &mut [u8], width: u32, background: [f32; 3]) -> Framebuffer<'_> {
     Framebuffer {
-        pixels: rgba,
+        pixels: Pixels::Rgba8(rgba),
         stride: width as usize * 4,
         background: Background::Color(background),
+        depth: None,
     }
 }
 

@@ -1,5 +1,6 @@
 //! Splats of one tile into its pixels, front to back.
 
+mod depth;
 mod scalar;
 mod simd;
 
@@ -12,7 +13,10 @@ use crate::math::{Real, Single, exp2_of_alpha};
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::{Pair, TILE};
 
+pub use depth::{MEDIAN_TRANSMITTANCE, TileDepths};
 pub use scalar::row_span;
+
+use depth::{Keep, NoDepths};
 
 /// No Gaussian covers more of a pixel than this.
 pub const GREATEST_ALPHA: f32 = 0.99;
@@ -60,12 +64,15 @@ pub struct Counts {
     pub evaluations: u64,
     /// Gaussians blended into pixels.
     pub blends: u64,
+    /// Splats in the lists of the tiles: a splat counts once for each tile that its bounds meet.
+    pub pairs: u64,
 }
 
 impl core::ops::AddAssign for Counts {
     fn add_assign(&mut self, other: Self) {
         self.evaluations += other.evaluations;
         self.blends += other.blends;
+        self.pairs += other.pairs;
     }
 }
 
@@ -79,10 +86,34 @@ pub fn draw_tile(
     area: [Range<u32>; 2],
     pixels: &mut TilePixels,
 ) -> Counts {
-    match kernel {
-        Kernel::Scalar => scalar::draw_tile(splats, order, area, pixels),
-        Kernel::Simd(_) => kernel.run(simd::DrawTile { splats, order, area, pixels }),
-    }
+    draw_tile_keeping(kernel, splats, order, area, pixels, &mut NoDepths)
+}
+
+/// The same, and the depth of each pixel that is no longer half transparent; the others' stay.
+pub fn draw_tile_with_depths(
+    kernel: Kernel,
+    splats: &[Splat],
+    order: &[Pair],
+    area: [Range<u32>; 2],
+    pixels: &mut TilePixels,
+    depths: &mut TileDepths,
+) -> Counts {
+    draw_tile_keeping(kernel, splats, order, area, pixels, depths)
+}
+
+fn draw_tile_keeping(
+    kernel: Kernel,
+    splats: &[Splat],
+    order: &[Pair],
+    area: [Range<u32>; 2],
+    pixels: &mut TilePixels,
+    depths: &mut impl Keep,
+) -> Counts {
+    let drawn = match kernel {
+        Kernel::Scalar => scalar::draw_tile(splats, order, area, pixels, depths),
+        Kernel::Simd(_) => kernel.run(simd::DrawTile { splats, order, area, pixels, depths }),
+    };
+    Counts { pairs: order.len() as u64, ..drawn }
 }
 
 /// log₂ of a splat's alpha at a pixel's centre, before the clamp at 0.99. One definition for the

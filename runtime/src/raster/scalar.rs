@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 
+use super::depth::Keep;
 use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend, log2_alpha, pixel};
 use crate::math::Real;
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
@@ -38,6 +39,7 @@ pub(super) fn draw_tile(
     order: &[Pair],
     [columns, rows]: [Range<u32>; 2],
     pixels: &mut TilePixels,
+    depths: &mut impl Keep,
 ) -> Counts {
     let mut counts = Counts::default();
     let mut unfinished = columns.len() * rows.len();
@@ -53,7 +55,8 @@ pub(super) fn draw_tile(
             let dy = y as f32 + 0.5 - splat.mean[1];
             let span = row_span(splat, dy, x0..x1);
             counts.evaluations += span.len() as u64;
-            let row = &mut pixels.0[((y - rows.start) % TILE) as usize];
+            let at_y = ((y - rows.start) % TILE) as usize;
+            let row = &mut pixels.0[at_y];
             for x in span {
                 let column = (x - columns.start) as usize % TILE as usize;
                 let before = pixel(row, column);
@@ -67,6 +70,7 @@ pub(super) fn draw_tile(
                 }
                 let after = blend(before, alpha, splat.color);
                 row.iter_mut().zip(after).for_each(|(channel, value)| channel[column] = value);
+                depths.blended((), [column, at_y], [before[3], after[3]], splat.depth);
                 counts.blends += 1;
                 unfinished -= usize::from(after[3] < LEAST_TRANSMITTANCE);
             }

@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 
+use super::depth::Keep;
 use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend_weight, exponent};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
@@ -16,19 +17,20 @@ const FINISHED_EVERY: usize = 64;
 const AHEAD: usize = 8;
 
 /// [`super::draw_tile`] in vectors.
-pub(super) struct DrawTile<'a> {
+pub(super) struct DrawTile<'a, D> {
     pub(super) splats: &'a [Splat],
     pub(super) order: &'a [Pair],
     pub(super) area: [Range<u32>; 2],
     pub(super) pixels: &'a mut TilePixels,
+    pub(super) depths: &'a mut D,
 }
 
-impl Work for DrawTile<'_> {
+impl<D: Keep> Work for DrawTile<'_, D> {
     type Output = Counts;
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) -> Counts {
-        let Self { splats, order, area: [columns, rows], pixels } = self;
+        let Self { splats, order, area: [columns, rows], pixels, depths } = self;
         let mut counts = Counts::default();
         let bounds_of = |pair: Option<&Pair>| {
             let splat = pair.and_then(|pair| splats.get(pair.splat as usize));
@@ -47,7 +49,7 @@ impl Work for DrawTile<'_> {
             {
                 let area = Area { columns: x0..x1, rows: y0..y1 };
                 let origin = [columns.start, rows.start];
-                strips::<V>(token, splat, area, origin, pixels, &mut counts);
+                strips::<V>(token, splat, area, origin, pixels, depths, &mut counts);
             }
             if i % FINISHED_EVERY == FINISHED_EVERY - 1 && pixels.finished() {
                 break;
@@ -72,6 +74,7 @@ fn strips<V: Lanes>(
     area: Area,
     [left, top]: [u32; 2],
     pixels: &mut TilePixels,
+    depths: &mut impl Keep,
     counts: &mut Counts,
 ) {
     let rows = RowTerms::new::<V>(token, splat, &area.rows);
@@ -82,7 +85,8 @@ fn strips<V: Lanes>(
         start = columns.end;
         let pixels = pixels.0.get_mut(within.clone()).unwrap_or(&mut []);
         counts.evaluations += (V::LEN * pixels.len()) as u64;
-        counts.blends += strip::<V>(token, splat, columns, left, &rows, pixels);
+        let origin = [left, within.start as u32];
+        counts.blends += strip::<V>(token, splat, columns, origin, &rows, pixels, depths);
     }
 }
 
@@ -113,15 +117,17 @@ impl RowTerms {
     }
 }
 
-/// At most `V::LEN` columns of all rows; `left` is the tile's first column. Returns the blends.
+/// At most `V::LEN` columns of all rows; `left` is the tile's first column, `top` the first row's place
+/// in the tile. Returns the blends.
 #[inline(always)]
 fn strip<V: Lanes>(
     token: V::Token,
     splat: &Splat,
     columns: Range<u32>,
-    left: u32,
+    [left, top]: [u32; 2],
     rows: &RowTerms,
     pixels: &mut [TileRow],
+    depths: &mut impl Keep,
 ) -> u64 {
     let constant = |x: f32| V::splat(token, x);
     // A strip ends inside the tile's row, if need be by starting further to the left.
@@ -134,7 +140,8 @@ fn strip<V: Lanes>(
     let color = each(splat.color, constant);
     let first = first as usize;
     let mut blends = 0;
-    for ((row, &room), &shift) in pixels.iter_mut().zip(&rows.room).zip(&rows.shift) {
+    let rows = pixels.iter_mut().zip(&rows.room).zip(&rows.shift);
+    for (((row, &room), &shift), y) in rows.zip(top as usize..) {
         let (alpha, touches) = alpha(exponent(constant(room), a_dx, constant(shift)));
         // Four stretches of LEN, 32 apart: one check for all of them.
         let Some(row) = row.as_flattened_mut().get_mut(first..first + 3 * SIDE + V::LEN) else {
@@ -154,6 +161,7 @@ fn strip<V: Lanes>(
         g.store(&mut row[SIDE..SIDE + V::LEN]);
         b.store(&mut row[2 * SIDE..2 * SIDE + V::LEN]);
         t.store(&mut row[3 * SIDE..3 * SIDE + V::LEN]);
+        depths.blended(token, [first, y], [before[3], t], splat.depth);
     }
     u64::from(blends)
 }

@@ -1,11 +1,12 @@
 //! Budgets, sizes, strides, scratch and bands.
 
 use dermis_runtime::{
-    Avatar, Background, Camera, Error, Framebuffer, Kernel, Part, Plan, Pose, Posed, Prepared,
-    Statistics, render, scratch_len,
+    Avatar, Background, Camera, Error, Framebuffer, Kernel, Part, Pixels, Plan, Pose, Posed,
+    Prepared, Statistics, render, scratch_len,
 };
 
 use crate::scenes::{DOT, Picture, bytes, camera, crowd, sheet};
+use dermis_runtime::error::Buffer;
 use dermis_runtime::raster::Counts;
 
 /// 97 × 75 pixels: four columns and three rows of tiles, the last of both cut.
@@ -15,6 +16,10 @@ fn view() -> Camera {
 
 fn whole(avatar: &Avatar<'_>, camera: &Camera) -> Picture {
     Picture::of(avatar, &Pose::Rest, &Plan::with_budget(avatar, u32::MAX), camera)
+}
+
+fn rgba8(bytes: &mut [u8], stride: usize, background: Background) -> Framebuffer<'_> {
+    Framebuffer { pixels: Pixels::Rgba8(bytes), stride, background, depth: None }
 }
 
 fn draw(
@@ -27,7 +32,7 @@ fn draw(
     let mut scratch = vec![0xdead_beef; words];
     let mut pixels = vec![0x5a; bytes];
     let background = Background::Color([0.0; 3]);
-    let mut framebuffer = Framebuffer { pixels: &mut pixels, stride, background };
+    let mut framebuffer = rgba8(&mut pixels, stride, background);
     let plan = Plan::with_budget(avatar, u32::MAX);
     let result =
         render(avatar, &Pose::Rest, &plan, camera, Kernel::Scalar, &mut scratch, &mut framebuffer);
@@ -84,7 +89,7 @@ fn rows_may_be_further_apart() {
     let words = scratch_len(&avatar, u32::MAX, 97, 75);
     for stride in [97 * 4, 97 * 4 + 1, 97 * 4 + 13, 1000] {
         // The last row need not be as long as the stride.
-        let needed = stride * 74 + 97 * 4;
+        let (buffer, needed) = (Buffer::Bytes, stride * 74 + 97 * 4);
         let (result, pixels) = draw(&avatar, &camera, words, needed, stride);
         assert_eq!(result, Ok(tight.statistics));
         for (row, expected) in pixels.chunks(stride).zip(tight.pixels.chunks_exact(97 * 4)) {
@@ -92,16 +97,16 @@ fn rows_may_be_further_apart() {
             assert!(row[97 * 4..].iter().all(|&byte| byte == 0x5a), "bytes between rows");
         }
         let (result, pixels) = draw(&avatar, &camera, words, needed - 1, stride);
-        assert_eq!(result, Err(Error::Framebuffer { needed, lent: needed - 1 }));
+        assert_eq!(result, Err(Error::Buffer { buffer, needed, lent: needed - 1 }));
         assert!(pixels.iter().all(|&byte| byte == 0x5a), "nothing is drawn");
     }
     let (result, _) = draw(&avatar, &camera, words, 1 << 20, 97 * 4 - 1);
     assert!(
-        matches!(result, Err(Error::Stride { needed: 388, given: 387 })),
+        matches!(result, Err(Error::Stride { buffer: Buffer::Bytes, needed: 388, given: 387 })),
         "rows overlap: {result:?}"
     );
     let (result, _) = draw(&avatar, &camera, words, 1 << 20, usize::MAX);
-    assert!(matches!(result, Err(Error::Framebuffer { .. })), "{result:?}");
+    assert!(matches!(result, Err(Error::Buffer { .. })), "{result:?}");
 }
 
 #[test]
@@ -140,25 +145,26 @@ fn bands_make_the_whole_frame() {
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
     assert_eq!(prepared.tile_rows(), 3);
     let background = Background::Color([0.0; 3]);
+    let tiles = |first: u16, end: u16| u64::from(end.div_ceil(32) - first / 32);
+    let tiles_of = |[x0, y0, x1, y1]: [u16; 4]| tiles(x0, x1) * tiles(y0, y1);
+    let pairs: u64 = prepared.splats().iter().map(|splat| tiles_of(splat.bounds)).sum();
+    assert_eq!(expected.statistics.counts.pairs, pairs);
     let mut scratch = vec![0; Prepared::band_scratch_len(400, 97, 75)];
     for cuts in [vec![0, 1, 2, 3], vec![0, 2, 3], vec![0, 3]] {
-        let mut blends = 0;
+        let mut counts = Counts::default();
         let mut pixels = Vec::new();
         for rows in cuts.windows(2) {
             let height = (rows[1] * 32).min(75) - rows[0] * 32;
             let mut band = vec![0x5a; height as usize * 97 * 4];
-            let mut framebuffer = Framebuffer { pixels: &mut band, stride: 97 * 4, background };
-            blends += prepared
-                .draw_band(rows[0]..rows[1], &mut scratch, &mut framebuffer)
-                .unwrap()
-                .blends;
+            let mut framebuffer = rgba8(&mut band, 97 * 4, background);
+            counts += prepared.draw_band(rows[0]..rows[1], &mut scratch, &mut framebuffer).unwrap();
             pixels.extend(band);
         }
         assert_eq!(pixels, expected.pixels, "{cuts:?}");
-        assert_eq!(blends, expected.statistics.counts.blends);
+        assert_eq!(counts, expected.statistics.counts);
     }
     // Rows beyond the frame, and none, draw nothing.
-    let mut none = Framebuffer { pixels: &mut [], stride: 97 * 4, background };
+    let mut none = rgba8(&mut [], 97 * 4, background);
     for rows in [3..9, 1..1, 7..u32::MAX, u32::MAX..u32::MAX] {
         assert_eq!(
             prepared.for_each_tile(rows.clone(), &mut scratch, |_, _, _| panic!()),
@@ -172,7 +178,7 @@ fn bands_make_the_whole_frame() {
     // A band's own shortage.
     let lent = 100;
     let error = prepared.draw(&mut scratch[..lent], &mut none).unwrap_err();
-    assert!(matches!(error, Error::Framebuffer { needed: 29_100, lent: 0 }), "{error}");
+    assert_eq!(error, Error::Buffer { buffer: Buffer::Bytes, needed: 29_100, lent: 0 });
     let error = prepared.for_each_tile(0..1, &mut scratch[..lent], |_, _, _| ()).unwrap_err();
     let needed = 32 * 32 * 4 + 4 + 2 * 2 * prepared.splats().len();
     assert_eq!(error, Error::Scratch { needed, lent });
@@ -207,7 +213,7 @@ fn shares_and_bands_make_the_same_frame() {
                 next = rows.end;
                 let rest = &mut pixels[rows.start as usize * 32 * 97 * 4..];
                 let background = Background::Color([0.0; 3]);
-                let mut band = Framebuffer { pixels: rest, stride: 97 * 4, background };
+                let mut band = rgba8(rest, 97 * 4, background);
                 prepared.draw_band(rows, &mut drawing, &mut band).unwrap();
             }
             assert_eq!(next, prepared.tile_rows());
@@ -255,7 +261,7 @@ fn a_plan_of_another_avatar_is_an_error() {
     ] {
         let plan = Plan::with_budget(&planned, u32::MAX);
         let background = Background::Existing;
-        let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 32, background };
+        let mut framebuffer = rgba8(&mut pixels, 32, background);
         let camera = camera(8, 8, 8.0, 1.0);
         let result = render(
             &drawn,
@@ -282,7 +288,7 @@ fn what_scratch_held_before_does_not_matter() {
         scratch.fill(fill);
         let mut pixels = vec![0; 97 * 75 * 4];
         let background = Background::Color([0.0; 3]);
-        let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 97 * 4, background };
+        let mut framebuffer = rgba8(&mut pixels, 97 * 4, background);
         render(
             &avatar,
             &Pose::Rest,

@@ -3,8 +3,8 @@
 use dermis_format::source::Source;
 use dermis_format::{Disc, Full, LowPass};
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Plan, Pose, Posed, Prepared, raster, render,
-    scratch_len,
+    Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, Posed, Prepared, raster,
+    render, scratch_len,
 };
 use proptest::prelude::*;
 
@@ -205,7 +205,8 @@ fn over(source: &Source, budget: u32, background: Background, before: [u8; 4]) -
     let avatar = Avatar::parse(&bytes).unwrap();
     let camera = camera(9, 9, 8.0, 1.0);
     let mut pixels = before.repeat(81);
-    let mut framebuffer = Framebuffer { pixels: &mut pixels, stride: 36, background };
+    let bytes = Pixels::Rgba8(&mut pixels);
+    let mut framebuffer = Framebuffer { pixels: bytes, stride: 36, background, depth: None };
     let mut scratch = vec![0; scratch_len(&avatar, u32::MAX, 9, 9)];
     let plan = Plan::with_budget(&avatar, budget);
     render(&avatar, &Pose::Rest, &plan, &camera, Kernel::detect(), &mut scratch, &mut framebuffer)

@@ -5,7 +5,7 @@ use dermis_format::writer::encode;
 use dermis_format::{Disc, FrameKind, Full, LowPass, ScaleLaw};
 use dermis_runtime::raster::TilePixels;
 use dermis_runtime::{
-    Avatar, Background, Camera, Framebuffer, Kernel, Level, Plan, Pose, Posed, Prepared,
+    Avatar, Background, Camera, Framebuffer, Kernel, Level, Pixels, Plan, Pose, Posed, Prepared,
     Statistics, render, scratch_len,
 };
 
@@ -75,15 +75,17 @@ pub(crate) fn cloud(fulls: &[Full]) -> Source {
     }
 }
 
+/// The number `i` of row `salt` of random ones in [0, 1).
+pub(crate) fn random(i: u32, salt: u32) -> f32 {
+    let mut x = (i.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_add(1);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x2c1b_3c6d);
+    x ^= x >> 12;
+    (x >> 8) as f32 / 16_777_216.0
+}
+
 /// 400 discs of all colours and sizes on 40 triangles, in two regions of two layers.
 pub(crate) fn crowd() -> Source {
-    let random = |i: u32, salt: u32| {
-        let mut x = (i.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_add(1);
-        x ^= x >> 15;
-        x = x.wrapping_mul(0x2c1b_3c6d);
-        x ^= x >> 12;
-        (x >> 8) as f32 / 16_777_216.0
-    };
     let disc = |i: u32| {
         let r = |salt| random(i, salt);
         Disc {
@@ -181,9 +183,10 @@ impl Picture {
             vec![0x7fc0_1234; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
         let mut pixels = vec![0x5a; width * height * 4];
         let mut framebuffer = Framebuffer {
-            pixels: &mut pixels,
+            pixels: Pixels::Rgba8(&mut pixels),
             stride: width * 4,
             background: Background::Color([0.0; 3]),
+            depth: None,
         };
         let statistics =
             render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer).unwrap();

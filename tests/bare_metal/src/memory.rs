@@ -2,7 +2,7 @@
 
 use core::cell::UnsafeCell;
 
-use dermis_conformance::{PIXEL_BYTES, SCRATCH_WORDS};
+use dermis_conformance::{FRAME_WORDS, SCRATCH_WORDS};
 
 struct Lent<T>(UnsafeCell<T>);
 
@@ -10,10 +10,10 @@ struct Lent<T>(UnsafeCell<T>);
 unsafe impl<T> Sync for Lent<T> {}
 
 static SCRATCH: Lent<[u32; SCRATCH_WORDS]> = Lent(UnsafeCell::new([0; SCRATCH_WORDS]));
-static PIXELS: Lent<[u8; PIXEL_BYTES]> = Lent(UnsafeCell::new([0; PIXEL_BYTES]));
+static FRAME: Lent<[u32; FRAME_WORDS]> = Lent(UnsafeCell::new([0; FRAME_WORDS]));
 
-/// Scratch and pixels. To be called once.
-pub(crate) fn take() -> (&'static mut [u32], &'static mut [u8]) {
+/// Scratch and frame. To be called once.
+pub(crate) fn take() -> (&'static mut [u32], &'static mut [u32]) {
     // SAFETY: the program's entry calls this, once, and nothing else names the statics.
-    unsafe { (&mut *SCRATCH.0.get(), &mut *PIXELS.0.get()) }
+    unsafe { (&mut *SCRATCH.0.get(), &mut *FRAME.0.get()) }
 }

@@ -6,12 +6,13 @@ use dermis_runtime::tiles::TILE;
 use dermis_runtime::{Avatar, Plan, Posed, Prepared, render};
 
 use crate::cases::{Amount, Case};
-use crate::how::How;
+use crate::frame::Frame;
+use crate::how::{Format, How};
 
 /// Words of scratch that are enough for every case.
 pub const SCRATCH_WORDS: usize = 1 << 18;
-/// Bytes of pixels that are enough for every case in every format.
-pub const PIXEL_BYTES: usize = 1 << 20;
+/// Words of frame that are enough for every case in every format.
+pub const FRAME_WORDS: usize = 1 << 18;
 
 /// Why a case was not drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,9 +21,9 @@ pub enum Error {
     Avatar(dermis_format::Error),
     /// The runtime refused it.
     Runtime(dermis_runtime::Error),
-    /// Too few words or bytes were lent.
+    /// Too few words were lent.
     Memory {
-        /// Words of scratch, or bytes of pixels, that are needed.
+        /// Words of scratch, or of frame, that are needed.
         needed: usize,
         /// As many were lent.
         lent: usize,
@@ -40,35 +41,35 @@ impl From<dermis_runtime::Error> for Error {
 pub struct Band {
     /// Rows of tiles.
     pub tile_rows: Range<u32>,
-    /// Where its pixels are in the frame's bytes.
-    pub bytes: Range<usize>,
+    /// How many rows of pixels.
+    pub rows: usize,
 }
 
 /// Cuts a case's frame into `how.bands` bands, top to bottom; some may be empty.
 pub fn bands(case: &Case, how: &How, prepared: &Prepared<'_>) -> impl Iterator<Item = Band> {
     let (rows, bands) = (u64::from(prepared.tile_rows()), how.bands.max(1));
-    let (height, stride) = (case.size[1], how.format.stride(case));
+    let height = case.size[1];
     let start = move |band: u32| (rows * u64::from(band) / u64::from(bands)) as u32;
-    let byte = move |tile_row: u32| tile_row.saturating_mul(TILE).min(height) as usize * stride;
+    let row = move |tile_row: u32| tile_row.saturating_mul(TILE).min(height) as usize;
     (0..bands).map(move |band| {
         let tile_rows = start(band)..start(band + 1);
-        let bytes = byte(tile_rows.start)..byte(tile_rows.end);
-        Band { tile_rows, bytes }
+        let rows = row(tile_rows.end) - row(tile_rows.start);
+        Band { tile_rows, rows }
     })
 }
 
-/// Draws a case into the front of `pixels`: the CRC32 of its frame, padding included.
-pub fn run(case: &Case, how: &How, scratch: &mut [u32], pixels: &mut [u8]) -> Result<u32, Error> {
-    let pixels = frame(case, how, pixels)?;
+/// Draws a case into the front of `frame`: the CRC32 of its bytes, padding included.
+pub fn run(case: &Case, how: &How, scratch: &mut [u32], frame: &mut [u32]) -> Result<u32, Error> {
+    let mut frame = frame_of(case, how, frame)?;
     prepare(case, how, scratch, |prepared, scratch| {
+        let mut rest = frame.all();
         for band in bands(case, how, prepared) {
-            let pixels = pixels.get_mut(band.bytes).unwrap_or(&mut []);
-            let mut framebuffer = how.format.framebuffer(case, pixels);
+            let mut framebuffer = rest.take_rows(band.rows).framebuffer();
             prepared.draw_band(band.tile_rows, scratch, &mut framebuffer)?;
         }
         Ok(())
     })?;
-    Ok(crc32fast::hash(pixels))
+    Ok(frame.crc32())
 }
 
 /// The same by [`dermis_runtime::render`], which does all stages at once.
@@ -76,28 +77,27 @@ pub fn run_at_once(
     case: &Case,
     how: &How,
     scratch: &mut [u32],
-    pixels: &mut [u8],
+    frame: &mut [u32],
 ) -> Result<u32, Error> {
-    let pixels = frame(case, how, pixels)?;
+    let mut frame = frame_of(case, how, frame)?;
     let avatar = Avatar::parse(case.avatar.bytes()).map_err(Error::Avatar)?;
     let plan = plan(case, &avatar);
-    let missing = Error::Memory { needed: words(case, &avatar, &plan), lent: scratch.len() };
+    let needed = words(case, how.format, &avatar, &plan);
+    let missing = Error::Memory { needed, lent: scratch.len() };
     let (vertices, scratch) =
         scratch.split_at_mut_checked(case.stand.vertices(&avatar) * 3).ok_or(missing)?;
     let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
     let pose = case.stand.pose(&avatar, vertices);
     let camera = case.view.camera(case.size);
-    let mut framebuffer = how.format.framebuffer(case, pixels);
+    let mut framebuffer = frame.all().framebuffer();
     render(&avatar, &pose, &plan, &camera, how.kernel, scratch, &mut framebuffer)?;
-    Ok(crc32fast::hash(pixels))
+    Ok(frame.crc32())
 }
 
-/// The front of `pixels` that a case's frame takes, filled with what is there before.
-pub fn frame<'p>(case: &Case, how: &How, pixels: &'p mut [u8]) -> Result<&'p mut [u8], Error> {
-    let (needed, lent) = (how.format.frame_len(case), pixels.len());
-    let pixels = pixels.get_mut(..needed).ok_or(Error::Memory { needed, lent })?;
-    how.format.fill(pixels);
-    Ok(pixels)
+/// The front of `words` that a case's frame takes, filled with what is there before.
+pub fn frame_of<'m>(case: &'m Case, how: &How, words: &'m mut [u32]) -> Result<Frame<'m>, Error> {
+    let (needed, lent) = (how.format.frame_len(case), words.len());
+    Frame::new(case, how.format, words).ok_or(Error::Memory { needed, lent })
 }
 
 /// Makes a case ready to be drawn; `draw` gets the rest of the scratch, which is enough for a band.
@@ -110,7 +110,8 @@ pub fn prepare<R>(
     let avatar = Avatar::parse(case.avatar.bytes()).map_err(Error::Avatar)?;
     let plan = plan(case, &avatar);
     let [width, height] = case.size;
-    let missing = Error::Memory { needed: words(case, &avatar, &plan), lent: scratch.len() };
+    let needed = words(case, how.format, &avatar, &plan);
+    let missing = Error::Memory { needed, lent: scratch.len() };
     let (vertices, rest) =
         scratch.split_at_mut_checked(case.stand.vertices(&avatar) * 3).ok_or(missing)?;
     let (posing, rest) = rest.split_at_mut_checked(Posed::scratch_len(&avatar)).ok_or(missing)?;
@@ -124,17 +125,18 @@ pub fn prepare<R>(
 }
 
 /// Words of scratch that a case takes.
-pub fn scratch_len(case: &Case) -> Result<usize, Error> {
+pub fn scratch_len(case: &Case, format: Format) -> Result<usize, Error> {
     let avatar = Avatar::parse(case.avatar.bytes()).map_err(Error::Avatar)?;
-    Ok(words(case, &avatar, &plan(case, &avatar)))
+    Ok(words(case, format, &avatar, &plan(case, &avatar)))
 }
 
-fn words(case: &Case, avatar: &Avatar<'_>, plan: &Plan) -> usize {
+fn words(case: &Case, format: Format, avatar: &Avatar<'_>, plan: &Plan) -> usize {
     let (budget, [width, height]) = (plan.gaussians(), case.size);
     (case.stand.vertices(avatar) * 3)
         .saturating_add(Posed::scratch_len(avatar))
         .saturating_add(Prepared::scratch_len(avatar, budget, width, height))
         .saturating_add(Prepared::band_scratch_len(budget, width, height))
+        .saturating_add(format.scratch_len())
 }
 
 fn plan(case: &Case, avatar: &Avatar<'_>) -> Plan {

@@ -1,7 +1,7 @@
 //! How a case is drawn.
 
-use dermis_runtime::Framebuffer;
 pub use dermis_runtime::Kernel;
+use dermis_runtime::draw::DEPTH_SCRATCH_LEN;
 
 use crate::cases::Case;
 
@@ -21,23 +21,41 @@ pub struct How {
 pub enum Format {
     /// Red, green, blue, alpha, a byte each.
     Rgba8,
+    /// Blue, green, red, alpha, a byte each.
+    Bgra8,
+    /// 5, 6 and 5 bits, rounded to nearest.
+    Rgb565,
+    /// The same with an ordered dither.
+    Rgb565Dithered,
+    /// Red, green, blue, alpha, a number each.
+    RgbaF32,
+    /// As `Rgba8`, and a plane of depths behind it.
+    Depth,
 }
 
 impl Format {
     /// All of them, in the order of the table's columns.
-    pub const ALL: &[Self] = &[Self::Rgba8];
+    pub const ALL: &[Self] =
+        &[Self::Rgba8, Self::Bgra8, Self::Rgb565, Self::Rgb565Dithered, Self::RgbaF32, Self::Depth];
 
     /// Its column of the table.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rgba8 => "rgba8",
+            Self::Bgra8 => "bgra8",
+            Self::Rgb565 => "rgb565",
+            Self::Rgb565Dithered => "dithered",
+            Self::RgbaF32 => "rgbaf32",
+            Self::Depth => "depth",
         }
     }
 
     /// Bytes of a pixel.
     pub const fn pixel_len(self) -> usize {
         match self {
-            Self::Rgba8 => 4,
+            Self::Rgba8 | Self::Bgra8 | Self::Depth => 4,
+            Self::Rgb565 | Self::Rgb565Dithered => 2,
+            Self::RgbaF32 => 16,
         }
     }
 
@@ -46,37 +64,25 @@ impl Format {
         (case.size[0] + case.padding) as usize * self.pixel_len()
     }
 
-    /// Bytes of a case's frame, padding included.
+    /// Depths from row to row of a case: 0 where there are none.
+    pub const fn depth_stride(self, case: &Case) -> usize {
+        match self {
+            Self::Depth => (case.size[0] + case.padding) as usize,
+            _ => 0,
+        }
+    }
+
+    /// Words of a case's frame, padding included: pixels, then depths.
     pub const fn frame_len(self, case: &Case) -> usize {
-        self.stride(case) * case.size[1] as usize
+        let rows = case.size[1] as usize;
+        (self.stride(case) * rows).div_ceil(4) + self.depth_stride(case) * rows
     }
 
-    /// What is there before anything is drawn: premultiplied pixels of every alpha, 0 and 1 among them.
-    /// Padding keeps them, whatever is drawn.
-    pub fn fill(self, pixels: &mut [u8]) {
+    /// Words of scratch that it takes beside what every format takes.
+    pub const fn scratch_len(self) -> usize {
         match self {
-            Self::Rgba8 => {
-                for (pixel, index) in pixels.as_chunks_mut::<4>().0.iter_mut().zip(0u32..) {
-                    *pixel = pattern(index);
-                }
-            }
+            Self::Depth => DEPTH_SCRATCH_LEN,
+            _ => 0,
         }
     }
-
-    /// The framebuffer of a case, or of a band of it.
-    pub fn framebuffer<'p>(self, case: &Case, pixels: &'p mut [u8]) -> Framebuffer<'p> {
-        match self {
-            Self::Rgba8 => {
-                let stride = self.stride(case);
-                Framebuffer { pixels, stride, background: case.background }
-            }
-        }
-    }
-}
-
-/// Pixel `index` of what is there before: no channel exceeds alpha.
-fn pattern(index: u32) -> [u8; 4] {
-    let [a, r, g, b] = index.wrapping_mul(2_654_435_761).to_be_bytes();
-    let premultiplied = |channel: u8| (u16::from(channel) * u16::from(a) / 255) as u8;
-    [premultiplied(r), premultiplied(g), premultiplied(b), a]
 }

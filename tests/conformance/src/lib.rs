@@ -5,7 +5,8 @@
 //! 1. [`avatars`] are bytes in the tree, so that neither training nor the encoder changes a frame.
 //! 2. [`cases`] names what is drawn: avatar, pose ([`poses`]), plan, camera ([`cameras`]), size, background.
 //! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory.
-//! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show.
+//! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show;
+//!    [`mod@frame`] its memory in each format.
 //! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
 //! 6. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
 //!
@@ -25,13 +26,14 @@ pub mod cases;
 pub mod digest;
 pub mod draw;
 pub mod expected;
+pub mod frame;
 pub mod how;
 pub mod poses;
 
 pub use avatars::File;
 pub use cases::{CASES, Case};
 pub use digest::digest;
-pub use draw::{Error, PIXEL_BYTES, SCRATCH_WORDS, run};
+pub use draw::{Error, FRAME_WORDS, SCRATCH_WORDS, run};
 pub use how::{Format, How, Kernel};
 
 /// What became of a case.
@@ -50,10 +52,10 @@ pub enum Outcome {
     Failed(Error),
 }
 
-/// Draws a case and compares it with the table. [`SCRATCH_WORDS`] and [`PIXEL_BYTES`] are enough
+/// Draws a case and compares it with the table. [`SCRATCH_WORDS`] and [`FRAME_WORDS`] are enough
 /// for every case.
-pub fn check(case: &Case, how: &How, scratch: &mut [u32], pixels: &mut [u8]) -> Outcome {
-    match run(case, how, scratch, pixels) {
+pub fn check(case: &Case, how: &How, scratch: &mut [u32], frame: &mut [u32]) -> Outcome {
+    match run(case, how, scratch, frame) {
         Err(error) => Outcome::Failed(error),
         Ok(found) => match expected::crc32(case.name, how.format) {
             Some(expected) if expected == found => Outcome::Same(found),

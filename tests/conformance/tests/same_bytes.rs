@@ -9,14 +9,15 @@ use dermis_runtime::{Kernel, Level};
 use fearless_simd::Simd;
 
 use dermis_conformance::{
-    CASES, Case, File, Format, How, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check, digest, draw,
+    CASES, Case, FRAME_WORDS, File, Format, How, Outcome, SCRATCH_WORDS, check, digest, draw,
     expected, run,
 };
 
 const WHOLE: How = How { format: Format::Rgba8, bands: 1, kernel: Kernel::Scalar };
 
-fn memory() -> (Vec<u32>, Vec<u8>) {
-    (vec![0; SCRATCH_WORDS], vec![0; PIXEL_BYTES])
+/// Scratch and frame.
+fn memory() -> (Vec<u32>, Vec<u32>) {
+    (vec![0; SCRATCH_WORDS], vec![0; FRAME_WORDS])
 }
 
 fn hows() -> impl Iterator<Item = How> {
@@ -25,7 +26,7 @@ fn hows() -> impl Iterator<Item = How> {
 
 /// The table as this machine draws it. The words above its head are kept.
 fn table() -> String {
-    let (mut scratch, mut pixels) = memory();
+    let (mut scratch, mut frame) = memory();
     let mut table = String::new();
     for line in expected::TABLE.lines().filter(|line| line.starts_with('#')) {
         writeln!(table, "{line}").expect("a string takes it");
@@ -38,7 +39,7 @@ fn table() -> String {
     for case in CASES {
         write!(table, "\n{:width$}", case.name).expect("a string takes it");
         for how in hows() {
-            let crc = run(case, &how, &mut scratch, &mut pixels).expect(case.name);
+            let crc = run(case, &how, &mut scratch, &mut frame).expect(case.name);
             write!(table, " {crc:08x}").expect("a string takes it");
         }
     }
@@ -53,11 +54,11 @@ fn frames_are_those_of_the_table() {
         std::fs::write(path, table()).expect("the table can be written");
         return;
     }
-    let (mut scratch, mut pixels) = memory();
+    let (mut scratch, mut frame) = memory();
     let mut others = String::new();
     for how in hows() {
         for case in CASES {
-            let outcome = check(case, &how, &mut scratch, &mut pixels);
+            let outcome = check(case, &how, &mut scratch, &mut frame);
             if !matches!(outcome, Outcome::Same(_)) {
                 writeln!(others, "{} {}: {outcome:x?}", case.name, how.format.name())
                     .expect("a string takes it");
@@ -70,30 +71,30 @@ fn frames_are_those_of_the_table() {
 /// What stands in the scratch and the framebuffer before does not show, nor does memory to spare.
 #[test]
 fn frames_do_not_depend_on_the_memory_lent() {
-    let (mut scratch, mut pixels) = memory();
-    for case in CASES {
-        let crc = run(case, &WHOLE, &mut scratch, &mut pixels);
-        let mut least = vec![0xAAAA_AAAA; draw::scratch_len(case).expect(case.name)];
-        let mut exact = vec![0x55; Format::Rgba8.frame_len(case)];
-        assert_eq!(run(case, &WHOLE, &mut least, &mut exact), crc, "{}", case.name);
-        let at_once = draw::run_at_once(case, &WHOLE, &mut least, &mut exact);
-        assert_eq!(at_once, crc, "{} by render", case.name);
+    let (mut scratch, mut frame) = memory();
+    for (case, how) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+        let name = format!("{} {}", case.name, how.format.name());
+        let crc = run(case, &how, &mut scratch, &mut frame);
+        let mut least = vec![0xAAAA_AAAA; draw::scratch_len(case, how.format).expect(&name)];
+        let mut exact = vec![0x5555_5555; how.format.frame_len(case)];
+        assert_eq!(run(case, &how, &mut least, &mut exact), crc, "{name}");
+        let at_once = draw::run_at_once(case, &how, &mut least, &mut exact);
+        assert_eq!(at_once, crc, "{name} by render");
     }
 }
 
 /// Every kernel that this machine has.
 #[test]
 fn kernels_do_not_show() {
-    let (mut scratch, mut pixels) = memory();
+    let (mut scratch, mut frame) = memory();
     let mut others = String::new();
-    for kernel in kernels() {
-        for case in CASES {
-            let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
-            let how = How { kernel, bands: 2, ..WHOLE };
-            let drawn = run(case, &how, &mut scratch, &mut pixels);
-            if drawn != whole {
-                writeln!(others, "{} {kernel:?}: {drawn:x?}", case.name)
-                    .expect("a string takes it");
+    for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+        let expected = run(case, &whole, &mut scratch, &mut frame);
+        for kernel in kernels() {
+            let how = How { kernel, bands: 2, ..whole };
+            let drawn = run(case, &how, &mut scratch, &mut frame);
+            if drawn != expected {
+                writeln!(others, "{} {how:?}: {drawn:x?}", case.name).expect("a string takes it");
             }
         }
     }
@@ -120,12 +121,13 @@ fn kernels() -> Vec<Kernel> {
 /// Bands drawn one after the other, more of them than there are rows of tiles, too.
 #[test]
 fn bands_do_not_show() {
-    let (mut scratch, mut pixels) = memory();
-    for case in CASES {
-        let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
+    let (mut scratch, mut frame) = memory();
+    for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+        let expected = run(case, &whole, &mut scratch, &mut frame);
         for bands in [2, 3, 64] {
-            let banded = run(case, &How { bands, ..WHOLE }, &mut scratch, &mut pixels);
-            assert_eq!(banded, whole, "{} in {bands} bands", case.name);
+            let how = How { bands, ..whole };
+            let banded = run(case, &how, &mut scratch, &mut frame);
+            assert_eq!(banded, expected, "{} {how:?}", case.name);
         }
     }
 }
@@ -133,11 +135,12 @@ fn bands_do_not_show() {
 /// Four threads, each with a band and a scratch of its own.
 #[test]
 fn threads_do_not_show() {
-    let how = How { bands: 4, ..WHOLE };
-    let (mut scratch, mut pixels) = memory();
-    for case in CASES {
-        let whole = run(case, &WHOLE, &mut scratch, &mut pixels);
-        assert_eq!(threaded(case, &how, &mut scratch, &mut pixels), whole, "{}", case.name);
+    let (mut scratch, mut frame) = memory();
+    for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+        let expected = run(case, &whole, &mut scratch, &mut frame);
+        let how = How { bands: 4, ..whole };
+        let drawn = threaded(case, &how, &mut scratch, &mut frame);
+        assert_eq!(drawn, expected, "{} {how:?}", case.name);
     }
 }
 
@@ -145,19 +148,17 @@ fn threaded(
     case: &Case,
     how: &How,
     scratch: &mut [u32],
-    pixels: &mut [u8],
+    frame: &mut [u32],
 ) -> Result<u32, draw::Error> {
-    let frame = draw::frame(case, how, pixels)?;
+    let mut frame = draw::frame_of(case, how, frame)?;
     draw::prepare(case, how, scratch, |prepared, scratch| {
         let words = scratch.len() / how.bands as usize;
-        let (mut scratches, mut rest) = (scratch.chunks_exact_mut(words), &mut *frame);
+        let (mut scratches, mut rest) = (scratch.chunks_exact_mut(words), frame.all());
         std::thread::scope(|scope| {
             let workers: Vec<_> = draw::bands(case, how, prepared)
                 .map(|band| {
                     let scratch = scratches.next().expect("a scratch for each band");
-                    let (pixels, after) = std::mem::take(&mut rest).split_at_mut(band.bytes.len());
-                    rest = after;
-                    let mut framebuffer = how.format.framebuffer(case, pixels);
+                    let mut framebuffer = rest.take_rows(band.rows).framebuffer();
                     scope.spawn(move || {
                         prepared.draw_band(band.tile_rows, scratch, &mut framebuffer)
                     })
@@ -168,7 +169,7 @@ fn threaded(
             })
         })
     })?;
-    Ok(crc32fast::hash(frame))
+    Ok(frame.crc32())
 }
 
 /// What a file says of itself can be read, and is not the same for all.
@@ -184,9 +185,10 @@ fn names_are_unique_and_memory_is_enough() {
     let names: BTreeSet<&str> = CASES.iter().map(|case| case.name).collect();
     assert_eq!(names.len(), CASES.len());
     for case in CASES {
-        assert!(draw::scratch_len(case).expect(case.name) <= SCRATCH_WORDS, "{}", case.name);
-        // As many bytes as the widest format takes, four floats.
-        let pixels = (case.size[0] + case.padding) as usize * case.size[1] as usize;
-        assert!(pixels * 16 <= PIXEL_BYTES, "{}", case.name);
+        for &format in Format::ALL {
+            let words = draw::scratch_len(case, format).expect(case.name);
+            assert!(words <= SCRATCH_WORDS, "{}", case.name);
+            assert!(format.frame_len(case) <= FRAME_WORDS, "{}", case.name);
+        }
     }
 }

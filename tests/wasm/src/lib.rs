@@ -7,7 +7,7 @@ use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 
 use dermis_conformance::{
-    CASES, Case, Format, How, Kernel, Outcome, PIXEL_BYTES, SCRATCH_WORDS, check,
+    CASES, Case, FRAME_WORDS, Format, How, Kernel, Outcome, SCRATCH_WORDS, check,
 };
 
 struct Lent<T>(UnsafeCell<T>);
@@ -16,7 +16,7 @@ struct Lent<T>(UnsafeCell<T>);
 unsafe impl<T> Sync for Lent<T> {}
 
 static SCRATCH: Lent<[u32; SCRATCH_WORDS]> = Lent(UnsafeCell::new([0; SCRATCH_WORDS]));
-static PIXELS: Lent<[u8; PIXEL_BYTES]> = Lent(UnsafeCell::new([0; PIXEL_BYTES]));
+static FRAME: Lent<[u32; FRAME_WORDS]> = Lent(UnsafeCell::new([0; FRAME_WORDS]));
 
 fn case(index: usize) -> Option<&'static Case> {
     CASES.get(index)
@@ -57,8 +57,8 @@ pub extern "C" fn name_len(index: usize) -> usize {
 pub extern "C" fn draw(index: usize, format: usize) -> u64 {
     let Some((case, &format)) = case(index).zip(Format::ALL.get(format)) else { return 3 << 32 };
     // SAFETY: there is one thread, and nothing that is called here comes back to `draw`.
-    let (scratch, pixels) = unsafe { (&mut *SCRATCH.0.get(), &mut *PIXELS.0.get()) };
-    match check(case, &How { format, bands: 1, kernel: Kernel::baseline() }, scratch, pixels) {
+    let (scratch, frame) = unsafe { (&mut *SCRATCH.0.get(), &mut *FRAME.0.get()) };
+    match check(case, &How { format, bands: 1, kernel: Kernel::baseline() }, scratch, frame) {
         Outcome::Same(crc) => u64::from(crc),
         Outcome::Other { found, .. } => 1 << 32 | u64::from(found),
         Outcome::Failed(_) => 2 << 32,

@@ -202,7 +202,7 @@ fn first_frame(
     let (_, rms_to_all) = unrounded_errors(values, all.as_flattened().iter().copied());
     let least = scene.least_band_scratch(kernel, memory)?;
     // All lists at once.
-    let plenty = least + 2 * work.pairs as usize;
+    let plenty = least + 2 * work.counts.pairs as usize;
     Ok(Measured {
         kernel,
         camera,

@@ -10,8 +10,8 @@ use super::stages::Scene;
 use super::team::{Canvas, Team};
 use crate::camera_file::Shot;
 
-/// Draws one frame on one thread: memory is lent by [`frame`]'s caller, so that only the runtime's work
-/// is inside.
+/// Draws one frame on one thread: memory is made before the counted part, so that only the
+/// runtime's work is inside.
 ///
 /// # Errors
 ///

@@ -156,7 +156,7 @@ impl Measured {
             clock: self.clock,
             gaussians_selected: selected,
             gaussians_visible: work.gaussians_visible,
-            pairs: work.pairs,
+            pairs: work.counts.pairs,
             evaluations: work.counts.evaluations,
             blends: work.counts.blends,
             useful_lanes: work.counts.blends as f64 / work.counts.evaluations.max(1) as f64,

@@ -44,8 +44,6 @@ pub struct Work {
     pub gaussians_selected: u32,
     /// Those that touch a pixel's bounds.
     pub gaussians_visible: u32,
-    /// Gaussians in the lists of all tiles.
-    pub pairs: u64,
     /// Of the pixels.
     pub counts: Counts,
 }
@@ -97,13 +95,12 @@ impl Scene<'_> {
         let (prepared, project) = clock.time(|| team.prepare(&posed, &plan, &camera, preparing))?;
         let (counts, drawn) = clock.time(|| team.draw(&prepared, bands, &mut canvas))?;
         let prepared = team.prepare(&posed, &plan, &camera, preparing)?;
-        let (pairs, sort) = clock.time(|| team.lists(&prepared, bands))?;
+        let ((), sort) = clock.time(|| team.lists(&prepared, bands))?;
         let raster = (drawn - sort).max(0.0);
         let total = pose + select + project + drawn;
         let work = Work {
             gaussians_selected: prepared.gaussians_selected(),
             gaussians_visible: prepared.splats().len() as u32,
-            pairs,
             counts,
         };
         Ok((Milliseconds { pose, select, project, sort, raster, total }, work))

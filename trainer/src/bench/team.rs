@@ -9,7 +9,7 @@ use anyhow::{Context, Result, ensure};
 use dermis_runtime::prepare::Part;
 use dermis_runtime::raster::Counts;
 use dermis_runtime::tiles::TILE;
-use dermis_runtime::{Background, Camera, Error, Framebuffer, Plan, Posed, Prepared};
+use dermis_runtime::{Background, Camera, Error, Framebuffer, Pixels, Plan, Posed, Prepared};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -89,21 +89,15 @@ impl Team {
         })
     }
 
-    /// Makes the lists of all tiles as [`Team::draw`] makes them, and draws nothing. Gives their pairs.
+    /// Makes the lists of all tiles as [`Team::draw`] makes them, and draws nothing.
     ///
     /// # Errors
     ///
     /// Where a scratch is too short.
-    pub fn lists(&self, prepared: &Prepared<'_>, scratches: &mut [Vec<u32>]) -> Result<u64> {
-        let list = |band: Band<'_>| {
-            let mut pairs = 0;
-            prepared.for_each_list(band.tile_rows, band.scratch, |_, order| {
-                pairs += order.len() as u64
-            })?;
-            Ok(pairs)
-        };
+    pub fn lists(&self, prepared: &Prepared<'_>, scratches: &mut [Vec<u32>]) -> Result<()> {
         let bands = self.cut(prepared, &mut [], 0, scratches)?;
-        Ok(self.each(bands, list)?.into_iter().sum())
+        self.each(bands, |band| prepared.for_each_list(band.tile_rows, band.scratch, |_, _| ()))?;
+        Ok(())
     }
 
     /// Draws the frame.
@@ -120,7 +114,8 @@ impl Team {
         let stride = canvas.width as usize * 4;
         let background = Background::Color(canvas.background);
         let draw = |band: Band<'_>| {
-            let mut framebuffer = Framebuffer { pixels: band.rgba, stride, background };
+            let mut framebuffer =
+                Framebuffer { pixels: Pixels::Rgba8(band.rgba), stride, background, depth: None };
             prepared.draw_band(band.tile_rows, band.scratch, &mut framebuffer)
         };
         let bands = self.cut(prepared, canvas.rgba, stride, scratches)?;
