@@ -91,6 +91,11 @@ fn kernels_do_not_show() {
     for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
         let expected = run(case, &whole, &mut scratch, &mut frame);
         for kernel in kernels() {
+            // Emulating the emulated is slow: the fallback writes one format, and depths.
+            let few = matches!(kernel, Kernel::Simd(level) if level.is_fallback());
+            if few && !matches!(whole.format, Format::Rgba8 | Format::Depth) {
+                continue;
+            }
             let how = How { kernel, bands: 2, ..whole };
             let drawn = run(case, &how, &mut scratch, &mut frame);
             if drawn != expected {
@@ -113,16 +118,22 @@ fn kernels() -> Vec<Kernel> {
     ];
     #[cfg(not(target_arch = "x86_64"))]
     let levels = [Some(level)];
-    let levels =
-        [Level::fallback(), Level::baseline()].into_iter().chain(levels.into_iter().flatten());
+    let levels = [Level::fallback()].into_iter().chain(levels.into_iter().flatten());
     levels.map(Kernel::Simd).collect()
+}
+
+/// Each case in the formats in which a band could show: where its first row stands matters to a
+/// dither, and depths have rows of their own.
+fn banded() -> impl Iterator<Item = (&'static Case, How)> {
+    let formats = [Format::Rgb565Dithered, Format::Depth];
+    CASES.iter().flat_map(move |case| formats.map(|format| (case, How { format, ..WHOLE })))
 }
 
 /// Bands drawn one after the other, more of them than there are rows of tiles, too.
 #[test]
 fn bands_do_not_show() {
     let (mut scratch, mut frame) = memory();
-    for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+    for (case, whole) in banded() {
         let expected = run(case, &whole, &mut scratch, &mut frame);
         for bands in [2, 3, 64] {
             let how = How { bands, ..whole };
@@ -136,7 +147,7 @@ fn bands_do_not_show() {
 #[test]
 fn threads_do_not_show() {
     let (mut scratch, mut frame) = memory();
-    for (case, whole) in CASES.iter().flat_map(|case| hows().map(move |how| (case, how))) {
+    for (case, whole) in banded() {
         let expected = run(case, &whole, &mut scratch, &mut frame);
         let how = How { bands: 4, ..whole };
         let drawn = threaded(case, &how, &mut scratch, &mut frame);
