@@ -183,8 +183,10 @@ fn variants(
 ) -> (Vec<Variant>, Vec<LeftOut>) {
     let header = scene.avatar.header();
     let exact = Exact::NONE;
-    let mut left_out =
-        vec![LeftOut { name: "depth key", reason: "none: the key is all bits of the f32 depth" }];
+    let mut left_out = vec![LeftOut {
+        name: "depth key",
+        reason: "none: the key is all bits of the f32 depth; ties of f32 show in own_decisions",
+    }];
     let mut without = |name, reason| left_out.push(LeftOut { name, reason });
     let mut switched = vec![
         ("polynomial of pixels", "libm's exp2f", Exact { exponential: true, ..exact }),
