@@ -1,7 +1,7 @@
 //! Pictures of avatars as floats.
 
-use dermis_runtime::tiles::TileGrid;
-use dermis_runtime::{Avatar, Camera, Kernel, Level, Plan, Pose, Posed, Prepared, raster};
+use dermis_runtime::{Avatar, Camera, Kernel, Level, Plan, Pose};
+use dermis_trainer::draw::draw_unrounded;
 
 /// Every kernel of this machine, and the one that vectors fall back to where there are none.
 pub fn kernels() -> impl Iterator<Item = Kernel> {
@@ -16,27 +16,8 @@ pub fn unrounded(
     camera: &Camera,
     background: [f32; 3],
 ) -> Vec<[f32; 3]> {
-    let (width, height, budget) = (camera.width, camera.height, plan.gaussians());
-    let mut posing = vec![0; Posed::scratch_len(avatar)];
-    let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];
-    let mut drawing = vec![0; Prepared::band_scratch_len(budget, width, height)];
-    let posed =
-        Posed::new(avatar, pose, Kernel::detect(), &mut posing).expect("scratch is long enough");
-    let prepared = Prepared::new(&posed, plan, camera, &mut preparing).expect("as above");
-    let grid = TileGrid::new(width, height);
-    let mut picture = vec![[0.0; 3]; width as usize * height as usize];
-    let drawn = prepared.for_each_tile(0..grid.rows, &mut drawing, |tile, _, pixels| {
-        let [columns, rows] = grid.pixels(tile);
-        for (y, row) in rows.zip(&pixels.0) {
-            for (column, x) in columns.clone().enumerate() {
-                let [r, g, b, t] = raster::pixel(row, column);
-                let color = [0, 1, 2].map(|i| [r, g, b][i] + t * background[i]);
-                picture[(y * width + x) as usize] = color;
-            }
-        }
-    });
-    drawn.expect("scratch is long enough");
-    picture
+    let kernel = Kernel::detect();
+    draw_unrounded(avatar, pose, plan, kernel, camera, background).expect("it can be drawn")
 }
 
 /// Nearest bytes, as the runtime rounds.

@@ -183,6 +183,7 @@ fn wrong_names_and_numbers() {
         "--gaussians",
     );
     misuses(&folder, "info a.dermis --threads 60000", "--threads");
+    misuses(&folder, "info a.dermis --threads 1,2", "--threads");
     // A polygon of 800 triangles, each of which becomes 4 with a level.
     let rim = (0..802).map(|i| i as f32 / 802.0 * std::f32::consts::TAU);
     let mut disc: String = rim.map(|a| format!("v {} {} 0\n", a.cos(), a.sin())).collect();

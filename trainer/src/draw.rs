@@ -53,6 +53,28 @@ pub fn draw(
     Ok(Drawn { rgba, statistics, scratch_bytes: scratch.len() * 4 })
 }
 
+/// Draws one frame and gives it before it is rounded to bytes: (r, g, b) of each pixel over
+/// `background`, row-major.
+pub fn draw_unrounded(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    kernel: Kernel,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Result<Vec<[f32; 3]>> {
+    let mut scratch = vec![0; scratch_len(avatar, plan.gaussians(), camera.width, camera.height)];
+    let mut rgba = vec![0.0; camera.width as usize * camera.height as usize * 4];
+    let mut framebuffer = Framebuffer {
+        pixels: Pixels::RgbaF32(&mut rgba),
+        stride: camera.width as usize * 4,
+        background: Background::Color(background),
+        depth: None,
+    };
+    render(avatar, pose, plan, camera, kernel, &mut scratch, &mut framebuffer)?;
+    Ok(rgba.as_chunks::<4>().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect())
+}
+
 /// Draws one frame stage by stage with a clock beside it. Lists are made once more than needed:
 /// alone, to know their share.
 pub fn draw_timed(

@@ -12,13 +12,14 @@
 //!    with a reference renderer in f64; [`page`] shows it.
 //!
 //! [`convert`] takes another way to the bytes, from Gaussians that are trained already; [`mannequin`]
-//! makes Gaussians to measure on.
+//! makes Gaussians to measure on, and [`mod@bench`] measures the time of a frame beside its error.
 //!
 //! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
 //! options and seed give the same bytes on one platform, whatever the number of threads (the truth is
 //! rendered with the platform's own powers and sines). The command line stands
 //! in `main.rs` and `commands/`, which only read arguments and print.
 
+pub mod bench;
 pub mod camera_file;
 pub mod convert;
 pub mod demo;

@@ -23,9 +23,9 @@ pub(crate) struct Common {
     /// Print one JSON object on stdout, and nothing else there.
     #[arg(long, global = true)]
     json: bool,
-    /// Worker threads; 0: one for each core.
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
-    threads: u16,
+    /// Worker threads; 0: one for each core. `bench` takes several numbers.
+    #[arg(long, global = true, value_delimiter = ',', value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: Vec<u16>,
     /// Seed of everything random.
     #[arg(long, global = true, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -45,6 +45,8 @@ enum Command {
     Render(commands::render::Arguments),
     /// Measures quality against the mesh, on unseen views and poses.
     Eval(commands::eval::Arguments),
+    /// Measures the time of every stage of a frame, and its error.
+    Bench(commands::bench::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -59,8 +61,14 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli) -> Result<()> {
+    let threads = match (&cli.command, cli.common.threads.as_slice()) {
+        // Those that it measures are its own.
+        (Command::Bench(_), _) | (_, []) => 0,
+        (_, &[threads]) => usize::from(threads),
+        _ => commands::misuse("--threads: this command takes one number; bench takes several"),
+    };
     rayon::ThreadPoolBuilder::new()
-        .num_threads(usize::from(cli.common.threads))
+        .num_threads(threads)
         .build_global()
         .context("the worker threads cannot be started; choose fewer with --threads")?;
     match &cli.command {
@@ -70,6 +78,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Info(arguments) => commands::info::run(arguments, &cli.common),
         Command::Render(arguments) => commands::render::run(arguments, &cli.common),
         Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),
+        Command::Bench(arguments) => commands::bench::run(arguments, &cli.common),
     }
 }
 

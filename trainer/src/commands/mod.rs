@@ -1,9 +1,11 @@
 //! One file a subcommand: its arguments, and what it prints.
 
+pub(crate) mod bench;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod eval;
 pub(crate) mod info;
+pub(crate) mod options;
 pub(crate) mod render;
 pub(crate) mod train;
 
@@ -25,7 +27,7 @@ fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Re
 }
 
 /// Ends the program for options that contradict each other, as clap does for a bad one: exit code 2.
-fn misuse(message: &str) -> ! {
+pub(crate) fn misuse(message: &str) -> ! {
     crate::Cli::command().error(ErrorKind::ArgumentConflict, message).exit()
 }
 

@@ -1,10 +1,8 @@
 //! `dermis render`.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
-use anyhow::{Context, Result};
-use dermis_runtime::prepare::MAX_SIZE;
+use anyhow::Result;
 use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_trainer::camera_file::{self, Shot};
 use dermis_trainer::draw::{Milliseconds, draw_timed};
@@ -13,6 +11,7 @@ use dermis_trainer::orbit::Orbit;
 use dermis_trainer::output;
 use serde::Serialize;
 
+use super::options::{Posing, Size};
 use crate::Common;
 
 #[derive(clap::Args)]
@@ -37,12 +36,8 @@ pub(crate) struct Arguments {
     /// Pixels.
     #[arg(long, default_value = "540x540", value_name = "WxH")]
     size: Size,
-    /// A clip's name [default: the rest pose].
-    #[arg(long, value_name = "NAME")]
-    clip: Option<String>,
-    /// Seconds into the clip.
-    #[arg(long, default_value_t = 0.0, requires = "clip", value_name = "SECONDS", value_parser = super::finite)]
-    time: f32,
+    #[command(flatten)]
+    posing: Posing,
     /// At most this many Gaussians [default: all].
     #[arg(long, value_name = "N", conflicts_with = "level")]
     budget: Option<u32>,
@@ -63,20 +58,6 @@ enum Kernel {
     Simd,
     /// f64, with the runtime's discrete decisions.
     Reference,
-}
-
-/// Width and height, px.
-#[derive(Clone, Copy, Debug)]
-struct Size(u32, u32);
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let pixels = |part: &str| part.parse().ok().filter(|n| (1..=MAX_SIZE).contains(n));
-        let size = text.split_once('x').and_then(|(w, h)| Some(Self(pixels(w)?, pixels(h)?)));
-        size.ok_or_else(|| format!("give width x height, 1 to {MAX_SIZE} each, as in 540x540"))
-    }
 }
 
 /// What `--json` prints.
@@ -107,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 }
 
 fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8>)> {
-    let pose = pose(avatar, arguments)?;
+    let pose = arguments.posing.pose(avatar)?;
     let shot = shot(avatar, &pose, arguments)?;
     let plan = || match (arguments.budget, arguments.level) {
         (Some(budget), _) => Plan::with_budget(avatar, budget),
@@ -136,18 +117,6 @@ fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8
         frame_crc32: crc32fast::hash(&drawn.rgba),
     };
     Ok((report, output::png(&drawn.rgba, shot.camera.width, shot.camera.height)?))
-}
-
-fn pose(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Pose<'static>> {
-    let Some(name) = &arguments.clip else { return Ok(Pose::Rest) };
-    let clip = avatar.clips().position(|clip| clip.name == name).with_context(|| {
-        let names: Vec<&str> = avatar.clips().map(|clip| clip.name).collect();
-        match names.as_slice() {
-            [] => format!("has no clip {name}, nor any other; leave --clip out"),
-            _ => format!("has no clip {name}; choose one of: {}", names.join(", ")),
-        }
-    })?;
-    Ok(Pose::Clip { clip, seconds: arguments.time })
 }
 
 fn shot(avatar: &Avatar<'_>, pose: &Pose<'_>, arguments: &Arguments) -> Result<Shot> {

@@ -2,7 +2,10 @@
 //!
 //! It starts from the runtime's posed vertices and decoded Gaussians. Discrete decisions (what is
 //! culled, in which order splats stand, which pixels skip a splat, which are finished) are the
-//! runtime's own f32 ones, so that the difference is rounding and nothing else.
+//! runtime's own f32 ones, so that the difference is rounding and nothing else. [`draw_own_reference`]
+//! decides all of it by itself.
+
+mod own;
 
 use anyhow::Result;
 use dermis_format::{FrameKind, LowPass};
@@ -10,7 +13,7 @@ use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::harmonics;
 use dermis_runtime::math::Real;
-use dermis_runtime::project::{Splat, View, project};
+use dermis_runtime::project::{Splat, View, footprint, project};
 use dermis_runtime::raster::{
     CLEAR, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha,
 };
@@ -19,6 +22,8 @@ use dermis_runtime::select::{Local, Selected, for_each_block, for_each_of_block}
 use dermis_runtime::tiles::{Pair, TileGrid};
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
+pub use own::draw_own_reference;
+
 /// A splat in f64.
 #[derive(Clone, Copy, Debug)]
 struct Exact {
@@ -26,6 +31,12 @@ struct Exact {
     falloff: [f64; 3],
     log2_opacity: f64,
     color: [f64; 3],
+    /// z in camera axes, metres.
+    depth: f64,
+    /// Pixels that it may touch: first column and row, then one past the last ones.
+    bounds: [f64; 4],
+    /// Whether it touches any.
+    is_seen: bool,
 }
 
 /// Draws one frame over `background`: (r, g, b) of each pixel, row-major, not rounded.
@@ -65,30 +76,43 @@ fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exac
             let frame = place.triangle.map_or(Some(Frame::world()), |t| posed.frame(t));
             let Some((selected, frame)) = place.decode().zip(frame) else { return };
             if screen.splat(&selected, &frame).is_some() {
-                let frame = exact_frame(posed, place.triangle);
-                exact.push(exact_splat(&view, low_pass, &selected, &frame));
+                let frame = place.triangle.and_then(|triangle| exact_frame(posed, triangle));
+                let frame = frame.unwrap_or_else(Frame::world);
+                let splat = exact_splat(&view, low_pass, &selected, &frame);
+                exact.push(splat.unwrap_or(Exact::INVISIBLE));
             }
         });
     });
     exact
 }
 
-fn exact_frame(posed: &Posed<'_, '_>, triangle: Option<u32>) -> Frame<f64> {
-    let corners = |triangle: u32| {
-        let corner = |vertex: u32| posed.vertices()[vertex as usize].map(f64::from);
-        posed.avatar().triangle(triangle as usize).map(corner)
+impl Exact {
+    /// Adds nothing to any pixel.
+    const INVISIBLE: Self = Self {
+        mean: [0.0; 2],
+        falloff: [0.0; 3],
+        log2_opacity: f64::NEG_INFINITY,
+        color: [0.0; 3],
+        depth: 0.0,
+        bounds: [0.0; 4],
+        is_seen: false,
     };
-    let kind: FrameKind = posed.avatar().header().frame;
-    let frame = triangle.and_then(|triangle| Frame::of_triangle(kind, corners(triangle)));
-    frame.unwrap_or_else(Frame::world)
 }
 
+/// None where the triangle has no frame.
+fn exact_frame(posed: &Posed<'_, '_>, triangle: u32) -> Option<Frame<f64>> {
+    let corner = |vertex: u32| posed.vertices()[vertex as usize].map(f64::from);
+    let kind: FrameKind = posed.avatar().header().frame;
+    Frame::of_triangle(kind, posed.avatar().triangle(triangle as usize).map(corner))
+}
+
+/// None where it cannot be drawn.
 fn exact_splat(
     view: &View<f64>,
     low_pass: LowPass,
     selected: &Selected<'_>,
     frame: &Frame<f64>,
-) -> Exact {
+) -> Option<Exact> {
     match &selected.gaussian {
         Local::Disc(disc) => {
             let angle = f64::from(disc.angle);
@@ -118,19 +142,18 @@ fn packed<const N: usize>(
     ellipsoid: &Ellipsoid<f64, N>,
     opacity: f32,
     color: [f64; 3],
-) -> Exact {
-    let invisible =
-        Exact { mean: [0.0; 2], falloff: [0.0; 3], log2_opacity: f64::NEG_INFINITY, color };
+) -> Option<Exact> {
     let (p, drawable) = project(view, low_pass, ellipsoid);
-    if !drawable {
-        return invisible;
-    }
-    Exact {
+    let (footprint, is_seen) = footprint(view, &p, f64::from(opacity));
+    drawable.then_some(Exact {
         mean: p.mean,
         falloff: p.falloff,
-        log2_opacity: (f64::from(opacity) * p.compensation).log2(),
+        log2_opacity: footprint.log2_opacity,
         color,
-    }
+        depth: p.depth,
+        bounds: footprint.bounds,
+        is_seen,
+    })
 }
 
 fn draw_tile(

@@ -1,0 +1,162 @@
+//! Splats and their lists, one after the other.
+
+use dermis_format::{Full, LowPass};
+use dermis_runtime::frame::Frame;
+use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
+use dermis_runtime::harmonics;
+use dermis_runtime::project::{Projected, Splat, View, footprint, project};
+use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
+use dermis_runtime::tiles::{Pair, TILE, TileGrid};
+use dermis_runtime::{Camera, Plan, Posed};
+
+use super::Source;
+use super::libm::Number;
+
+/// How much fainter than the runtime's least alpha, 2⁻⁸, is still drawn without its skip: 2⁻²⁴ is
+/// half of what an f32 next to 1 can tell from it.
+pub(super) const FAINTER_LOG2: f32 = 16.0;
+
+/// Where Gaussians come from.
+#[derive(Clone, Copy)]
+pub(super) enum From<'s> {
+    /// The plan's, of the posed avatar.
+    File {
+        /// Which.
+        plan: &'s Plan,
+        /// Whether those on triangles that face away are drawn.
+        back_faces: bool,
+    },
+    /// All of the source.
+    Source(&'s Source),
+}
+
+/// What turns Gaussians into splats.
+struct Projector<N> {
+    view: View<N>,
+    low_pass: LowPass,
+    /// Whether alphas under the runtime's least are drawn, too.
+    faint: bool,
+}
+
+/// The splats of a frame, in the order of the file.
+pub(super) fn splats<N: Number>(
+    posed: &Posed<'_, '_>,
+    camera: &Camera,
+    from: From<'_>,
+    faint: bool,
+) -> Vec<Splat> {
+    let view = View::<f32>::new(camera);
+    let low_pass = posed.avatar().header().low_pass;
+    let projector = Projector { view: view.map(N::of), low_pass, faint };
+    let mut splats = Vec::new();
+    match from {
+        From::Source(source) => {
+            let (world, none) = (Frame::world(), Harmonics::default());
+            splats.extend(
+                source.gaussians.iter().filter_map(|full| projector.full(full, &world, &none)),
+            );
+        }
+        From::File { plan, back_faces } => {
+            let shows = |triangle| {
+                // Where it has no frame nothing is drawn, either way.
+                back_faces || posed.shows(triangle, view.eye)
+            };
+            for_each_block(posed.avatar(), plan, |block, region, drawn| {
+                for_each_of_block(block, region, drawn, shows, |place| {
+                    let frame = place.triangle.map_or(Some(Frame::world()), |t| posed.frame(t));
+                    let known = place.decode().zip(frame);
+                    splats.extend(
+                        known.and_then(|(selected, frame)| projector.splat(&selected, &frame)),
+                    );
+                });
+            });
+        }
+    }
+    splats
+}
+
+impl<N: Number> Projector<N> {
+    fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
+        match &selected.gaussian {
+            Local::Disc(disc) => {
+                let ellipsoid = disc_on(
+                    &frame_of(frame),
+                    disc.position.map(N::of),
+                    N::of(disc.angle),
+                    disc.log2_scale.map(N::of),
+                );
+                self.pack(&ellipsoid, disc.opacity, disc.color, &selected.harmonics)
+            }
+            Local::Full(full) => self.full(full, frame, &selected.harmonics),
+        }
+    }
+
+    fn full(&self, full: &Full, frame: &Frame<f32>, harmonics: &Harmonics<'_>) -> Option<Splat> {
+        let ellipsoid = full_on(
+            &frame_of(frame),
+            full.position.map(N::of),
+            full.rotation.map(N::of),
+            full.log2_scale.map(N::of),
+        );
+        self.pack(&ellipsoid, full.opacity, full.color, harmonics)
+    }
+
+    fn pack<const AXES: usize>(
+        &self,
+        ellipsoid: &Ellipsoid<N, AXES>,
+        opacity: f32,
+        color: [f32; 3],
+        harmonics: &Harmonics<'_>,
+    ) -> Option<Splat> {
+        let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
+        let color = if harmonics.codes.is_empty() {
+            harmonics::not_below_zero(color)
+        } else {
+            let eye = self.view.eye.map(N::get);
+            let direction = harmonics::direction(ellipsoid.center.map(N::get), eye);
+            harmonics::color(color, harmonics.values(), direction)
+        };
+        let (footprint, touches) = footprint(&self.view, &projected, N::of(opacity));
+        let (bounds, touches) =
+            if self.faint { self.reach(&projected, opacity) } else { (footprint.bounds, touches) };
+        (drawable && touches).then(|| Splat {
+            mean: projected.mean.map(N::get),
+            falloff: projected.falloff.map(N::get),
+            log2_opacity: footprint.log2_opacity.get(),
+            color,
+            depth: projected.depth.get(),
+            bounds: bounds.map(|edge| edge.get() as u16),
+        })
+    }
+
+    /// Pixels that get at least 2⁻²⁴: as many as a Gaussian 2¹⁶ times as opaque touches.
+    fn reach(&self, projected: &Projected<N>, opacity: f32) -> ([N; 4], bool) {
+        let opaque = N::of(opacity * ::libm::exp2f(FAINTER_LOG2));
+        let (footprint, touches) = footprint(&self.view, projected, opaque);
+        (footprint.bounds, touches)
+    }
+}
+
+fn frame_of<N: Number>(frame: &Frame<f32>) -> Frame<N> {
+    let of = |axis: [f32; 3]| axis.map(N::of);
+    Frame { x: of(frame.x), y: of(frame.y), z: of(frame.z), origin: of(frame.origin) }
+}
+
+/// The list of each tile, front to back, ties as they stand in the file.
+pub(super) fn lists(camera: &Camera, splats: &[Splat]) -> Vec<Vec<Pair>> {
+    let grid = TileGrid::new(camera.width, camera.height);
+    let mut lists = vec![Vec::new(); grid.tiles()];
+    for (splat, index) in splats.iter().zip(0..) {
+        let pair = Pair { depth: splat.depth.to_bits(), splat: index };
+        let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
+        for row in y0 / TILE..y1.div_ceil(TILE) {
+            for column in x0 / TILE..x1.div_ceil(TILE) {
+                lists[(row * grid.columns + column) as usize].push(pair);
+            }
+        }
+    }
+    for list in &mut lists {
+        list.sort_by_key(|pair| pair.depth);
+    }
+    lists
+}

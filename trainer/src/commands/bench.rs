@@ -1,0 +1,337 @@
+//! `dermis bench`.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use anyhow::{Context, Result, bail};
+use dermis_runtime::{Avatar, Camera, Kernel};
+use dermis_trainer::bench::approximations::{Approximations, Source};
+use dermis_trainer::bench::clock::Clock;
+use dermis_trainer::bench::once::draw_once;
+use dermis_trainer::bench::row::Row;
+use dermis_trainer::bench::stages::Scene;
+use dermis_trainer::bench::table::aligned;
+use dermis_trainer::bench::{Bench, Options, measure, plot};
+use dermis_trainer::camera_file::{self, Shot};
+use dermis_trainer::orbit::Orbit;
+use dermis_trainer::{mannequin, output};
+use serde::Serialize;
+
+use super::options::{Posing, Size};
+use crate::Common;
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// An avatar.
+    #[arg(required_unless_present = "scene", conflicts_with = "scene")]
+    file: Option<PathBuf>,
+    /// A made figure in place of a file: avatar:N has N Gaussians.
+    #[arg(long, value_name = "avatar:N")]
+    scene: Option<Mannequin>,
+    /// A camera file; otherwise the camera stands in front.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "size"])]
+    camera: Option<PathBuf>,
+    /// Metres from the middle of the avatar [default: all of it is seen; of a made figure 2].
+    #[arg(long, value_name = "METRES", value_parser = super::finite)]
+    distance: Option<f32>,
+    #[command(flatten)]
+    posing: Posing,
+    /// Instructions, or all that this CPU has.
+    #[arg(long, value_delimiter = ',', default_value = "all", value_name = "scalar|sse2|…|all", value_parser = kernel_name)]
+    kernel: Vec<String>,
+    /// At most so many Gaussians [default: all].
+    #[arg(long, value_delimiter = ',', value_name = "N,…")]
+    budget: Vec<u32>,
+    /// Pixels.
+    #[arg(long, value_delimiter = ',', default_value = "540x540", value_name = "WxH,…")]
+    size: Vec<Size>,
+    /// Frames of each row that count, after one that does not.
+    #[arg(long, default_value_t = 9, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    runs: u32,
+    /// Switch each approximation to its exact form, and show what it saves and costs.
+    #[arg(long)]
+    approximations: bool,
+    /// Write a plot of speed against error.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
+    /// instructions.
+    #[arg(long, conflicts_with_all = ["runs", "approximations", "svg"])]
+    once: bool,
+}
+
+/// A figure of so many Gaussians.
+#[derive(Clone, Copy, Debug)]
+struct Mannequin(u32);
+
+impl FromStr for Mannequin {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let count = text.strip_prefix("avatar:").and_then(|count| count.parse().ok());
+        count
+            .filter(|count| (1..=MOST_GAUSSIANS).contains(count))
+            .map(Self)
+            .ok_or_else(|| format!("give avatar:N, N from 1 to {MOST_GAUSSIANS}"))
+    }
+}
+
+/// Of a made figure.
+const MOST_GAUSSIANS: u32 = 10_000_000;
+/// Names of all kernels, on whatever CPU.
+const KERNELS: [&str; 8] = ["all", "scalar", "sse2", "sse4.2", "avx2", "avx512", "neon", "simd128"];
+/// From where a made figure is seen, metres.
+const DISTANCE: f32 = 2.0;
+
+fn kernel_name(text: &str) -> Result<String, String> {
+    let known = KERNELS.contains(&text).then(|| text.to_owned());
+    known.ok_or_else(|| format!("choose of {}", KERNELS.join(", ")))
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    /// File or made figure.
+    avatar: String,
+    #[serde(flatten)]
+    bench: Bench,
+}
+
+pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let svg = arguments.svg.as_deref().map(output::Output::create).transpose()?;
+    let (name, bytes, source) = match (&arguments.scene, &arguments.file) {
+        (Some(Mannequin(count)), _) => {
+            let source = arguments.approximations.then(|| mannequin::gaussians(*count));
+            (format!("avatar:{count}"), mannequin::avatar(*count)?, source)
+        }
+        (None, Some(file)) => (file.display().to_string(), output::read(file)?, None),
+        (None, None) => super::misuse("give the file of an avatar, or --scene avatar:N"),
+    };
+    let avatar = Avatar::parse(&bytes).with_context(|| name.clone())?;
+    if arguments.once {
+        return once(&avatar, arguments).context(name);
+    }
+    let bench = bench(&avatar, source.as_ref(), arguments, common).with_context(|| name.clone())?;
+    if let Some(svg) = svg {
+        let title =
+            Path::new(&name).file_name().map_or(name.clone().into(), |n| n.to_string_lossy());
+        svg.finish(plot::svg(&bench, &title)?.as_bytes())?;
+    }
+    super::print(common, &Report { avatar: name, bench }, text)
+}
+
+fn bench(
+    avatar: &Avatar<'_>,
+    source: Option<&Source>,
+    arguments: &Arguments,
+    common: &Common,
+) -> Result<Bench> {
+    let pose = arguments.posing.pose(avatar)?;
+    let threads = match common.threads.as_slice() {
+        [] => vec![1],
+        some => some.iter().map(|&n| usize::from(n)).collect(),
+    };
+    let options = Options {
+        kernels: kernels(&arguments.kernel)?,
+        shots: shots(avatar, arguments)?,
+        budgets: budgets(avatar, arguments),
+        threads,
+        runs: arguments.runs,
+        approximations: arguments.approximations,
+    };
+    measure(avatar, &pose, source, &options)
+}
+
+fn once(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<()> {
+    let pose = arguments.posing.pose(avatar)?;
+    for shot in shots(avatar, arguments)? {
+        for budget in budgets(avatar, arguments) {
+            let scene = Scene { avatar, pose: &pose, shot, budget };
+            for kernel in kernels(&arguments.kernel)? {
+                draw_once(&scene, kernel)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn budgets(avatar: &Avatar<'_>, arguments: &Arguments) -> Vec<u32> {
+    match arguments.budget.as_slice() {
+        [] => vec![avatar.header().gaussians],
+        some => some.to_vec(),
+    }
+}
+
+fn kernels(names: &[String]) -> Result<Vec<Kernel>> {
+    let available = Kernel::available();
+    let mut chosen = Vec::new();
+    for name in names {
+        let of_name: Vec<Kernel> =
+            available.iter().copied().filter(|k| name == "all" || k.name() == name).collect();
+        if of_name.is_empty() {
+            let names: Vec<&str> = available.iter().map(|kernel| kernel.name()).collect();
+            bail!("this CPU has no {name}; choose of --kernel {}", names.join(", "));
+        }
+        chosen.extend(of_name);
+    }
+    Ok(chosen)
+}
+
+fn shots(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Vec<Shot>> {
+    if let Some(path) = &arguments.camera {
+        return Ok(vec![camera_file::read(path)?]);
+    }
+    let pose = arguments.posing.pose(avatar)?;
+    let distance = arguments.distance;
+    let shot = |&Size(width, height): &Size| {
+        if arguments.scene.is_some() {
+            let shot = mannequin::camera(distance.unwrap_or(DISTANCE), height);
+            let camera = Camera { width, cx: width as f32 / 2.0, ..shot.camera };
+            return Ok(Shot { camera, ..shot });
+        }
+        let orbit = Orbit { yaw: 0.0, pitch: 0.0, distance };
+        Ok(Shot { camera: orbit.camera(avatar, &pose, width, height)?, background: [1.0; 3] })
+    };
+    arguments.size.iter().map(shot).collect()
+}
+
+fn text(report: &Report) -> String {
+    let bench = &report.bench;
+    let mut out = format!(
+        "{}: {} Gaussians, {} ({} cores), {} frames a row\n",
+        report.avatar, bench.gaussians, bench.cpu, bench.cores, bench.runs
+    );
+    let roofs = bench
+        .rooflines
+        .iter()
+        .map(|roof| format!("{} {:.2}", roof.kernel, roof.evaluations_per_s * 1e-9));
+    let roofs: Vec<String> = roofs.collect();
+    out += &format!("blend loop in the nearest cache, 1e9 evaluations/s: {}\n", roofs.join(", "));
+    let one_clock = match Clock::ONE_THREAD {
+        Clock::ThreadCpu => "one thread: CPU time",
+        Clock::Wall => "one thread: time that passes",
+    };
+    out += &format!(
+        "\nms, medians; {one_clock}, several: time that passes; front: pose, project and sort, ns a Gaussian of the plan\n"
+    );
+    out += &table(bench, "pose plan project sort raster total least front", times);
+    out += "\nwork; roof: raster evaluations/s, and their share of what the blend loop can do; KB of scratch\n";
+    out += &table(bench, "seen pairs evals blends useful blends/s evals/s roof KB", work);
+    out += "\nerror in 1/255 to f64: of bytes, before rounding; own: to a reference that decides culling, order,\n\
+            skip and stop by itself; all: RMS to the picture of all Gaussians\n";
+    out += &table(bench, "max rms PSNR max(f) rms(f) own_max own_rms own_PSNR all", errors);
+    if bench.rows.iter().any(|row| row.scratch.is_some()) {
+        out += "\nscratch of one thread: a whole frame with the least that is legal, and with room for all lists\n";
+        out += &table(bench, "least_KB least_ms plenty_KB plenty_ms ratio", scratch);
+    }
+    if bench.rows.iter().any(|row| row.speed_up.is_some()) {
+        out += "\nspeed-up over one thread, time that passes\n";
+        out += &table(bench, "one_thread_ms bands frame bands_of_least frame_of_least", speed_up);
+    }
+    for set in &bench.approximations {
+        out += &approximations(set);
+    }
+    out
+}
+
+/// One line a row; rows that have none are left out.
+fn table(bench: &Bench, headings: &str, cells: impl Fn(&Row) -> Option<Vec<String>>) -> String {
+    let mut all = vec!["kernel", "size", "budget", "threads"];
+    all.extend(headings.split_whitespace());
+    let rows = bench.rows.iter().filter_map(|row| {
+        let size = format!("{}x{}", row.width, row.height);
+        let mut line =
+            vec![row.kernel.into(), size, row.budget.to_string(), row.threads.to_string()];
+        line.extend(cells(row)?);
+        Some(line)
+    });
+    aligned(&all, &rows.collect::<Vec<_>>())
+}
+
+fn times(row: &Row) -> Option<Vec<String>> {
+    let ms = row.ms;
+    let numbers =
+        [ms.pose, ms.select, ms.project, ms.sort, ms.raster, ms.total, row.ms_least.total];
+    let mut cells: Vec<String> = numbers.iter().map(|ms| format!("{ms:.3}")).collect();
+    cells.push(row.front_end_ns_per_gaussian.map_or("-".into(), |ns| format!("{ns:.1}")));
+    Some(cells)
+}
+
+fn work(row: &Row) -> Option<Vec<String>> {
+    let mega = |rate: Option<f64>| rate.map_or("-".into(), |rate| format!("{:.0}M", rate * 1e-6));
+    Some(vec![
+        row.gaussians_visible.to_string(),
+        row.pairs.to_string(),
+        row.evaluations.to_string(),
+        row.blends.to_string(),
+        format!("{:.1}%", row.useful_lanes * 100.0),
+        mega(row.blends_per_s),
+        mega(row.evaluations_per_s),
+        row.roofline_fraction.map_or("-".into(), |share| format!("{:.1}%", share * 100.0)),
+        row.scratch_bytes.div_ceil(1024).to_string(),
+    ])
+}
+
+fn errors(row: &Row) -> Option<Vec<String>> {
+    let (follows, own) = (&row.error, &row.own_decisions);
+    Some(vec![
+        follows.max_error_8bit.to_string(),
+        format!("{:.5}", follows.rms_error_8bit),
+        format!("{:.2}", follows.psnr_to_reference_db),
+        format!("{:.4}", follows.max_error_unrounded_8bit),
+        format!("{:.6}", follows.rms_error_unrounded_8bit),
+        own.max_error_8bit.to_string(),
+        format!("{:.5}", own.rms_error_8bit),
+        format!("{:.2}", own.psnr_to_reference_db),
+        format!("{:.4}", row.rms_error_to_all_gaussians_8bit),
+    ])
+}
+
+fn scratch(row: &Row) -> Option<Vec<String>> {
+    let scratch = row.scratch.as_ref()?;
+    Some(vec![
+        scratch.least_bytes.div_ceil(1024).to_string(),
+        format!("{:.3}", scratch.least_total_ms),
+        scratch.plenty_bytes.div_ceil(1024).to_string(),
+        format!("{:.3}", scratch.plenty_total_ms),
+        format!("{:.3}", scratch.least_over_plenty),
+    ])
+}
+
+fn speed_up(row: &Row) -> Option<Vec<String>> {
+    let speed_up = row.speed_up.as_ref()?;
+    Some(vec![
+        format!("{:.3}", speed_up.one_thread_total_ms),
+        format!("{:.2}", speed_up.bands),
+        format!("{:.2}", speed_up.frame),
+        format!("{:.2}", speed_up.bands_of_least),
+        format!("{:.2}", speed_up.frame_of_least),
+    ])
+}
+
+fn approximations(set: &Approximations) -> String {
+    let mut out = format!(
+        "\n{}x{}, budget {}: each approximation against its exact form, in a plain scalar rasterizer that takes \
+         {:.3} ms ({:.3} of it for pixels); error in 1/255 before rounding\n",
+        set.width, set.height, set.budget, set.ms, set.raster_ms
+    );
+    let headings =
+        ["approximation", "exact form", "ms", "pixels", "saves ms", "saves", "max", "rms"];
+    let rows = set.rows.iter().map(|row| {
+        vec![
+            row.name.to_owned(),
+            row.exact_form.to_owned(),
+            format!("{:.3}", row.ms),
+            format!("{:.3}", row.raster_ms),
+            format!("{:.3}", row.saved_ms),
+            format!("{:.1}%", 100.0 * row.saved_ms / row.ms),
+            format!("{:.4}", row.max_error_unrounded_8bit),
+            format!("{:.5}", row.rms_error_unrounded_8bit),
+        ]
+    });
+    out += &aligned(&headings, &rows.collect::<Vec<_>>());
+    for left in &set.left_out {
+        out += &format!("left out: {}: {}\n", left.name, left.reason);
+    }
+    out
+}
