@@ -13,8 +13,9 @@ use dermis_runtime::{Background, Camera, Error, Framebuffer, Pixels, Plan, Posed
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Parts and bands for each thread, where there is more than one.
-const SHARES_PER_THREAD: usize = 2;
+/// Parts and bands for each thread, where there is more than one. The runtime cuts them evenly, and
+/// each band looks at all splats once more.
+const SHARES_PER_THREAD: usize = 1;
 
 /// Some threads.
 #[derive(Debug)]
@@ -59,6 +60,15 @@ impl Team {
         let pool =
             pool.context("the worker threads cannot be started; choose fewer with --threads")?;
         Ok(Self { pool: Some(pool), threads })
+    }
+
+    /// Does `work` on one of the threads, so that it need not wait for them to wake: as a renderer
+    /// does whose main thread is one of them.
+    pub fn inside<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.pool {
+            None => work(),
+            Some(pool) => pool.install(work),
+        }
     }
 
     /// How many.
