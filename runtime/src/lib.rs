@@ -8,9 +8,13 @@
 //!    coordinate system ([`frame`]).
 //! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]).
 //! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
-//!    ([`project`], [`prepare`]).
+//!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact sixteen at
+//!    once ([`batch`]), in shares that the caller's threads may take ([`Part`]).
 //! 5. Bands of tiles are sorted front to back ([`tiles`]) and blended ([`raster`], [`draw`])
 //! 6. into the caller's [`Framebuffer`] ([`framebuffer`]).
+//!
+//! Formulas are written once over [`math::Real`], which f32, f64 and the vectors of [`lanes`] are; a
+//! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!
@@ -71,10 +75,22 @@ pub struct Statistics {
 /// Words of scratch with which [`render`] never fails for want of memory; with depths
 /// [`draw::DEPTH_SCRATCH_LEN`] more.
 pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
+    scratch_len_for_threads(avatar, budget, width, height, 1)
+}
+
+/// Words of scratch of a frame whose bands `threads` threads draw at once: for [`Posed`], for
+/// [`Prepared`], and a band's ([`Prepared::band_scratch_len`]) for each of them.
+pub fn scratch_len_for_threads(
+    avatar: &Avatar<'_>,
+    budget: u32,
+    width: u32,
+    height: u32,
+    threads: usize,
+) -> usize {
     let budget = budget.min(avatar.header().gaussians);
     Posed::scratch_len(avatar)
         .saturating_add(Prepared::scratch_len(avatar, budget, width, height))
-        .saturating_add(Prepared::band_scratch_len(budget, width, height))
+        .saturating_add(Prepared::band_scratch_len(budget, width, height).saturating_mul(threads))
 }
 
 /// Poses, projects and draws one avatar.

@@ -2,7 +2,7 @@
 
 use dermis_runtime::{
     Avatar, Background, Camera, Error, Framebuffer, Kernel, Part, Pixels, Plan, Pose, Posed,
-    Prepared, Statistics, render, scratch_len,
+    Prepared, Statistics, render, scratch_len, scratch_len_for_threads,
 };
 
 use crate::scenes::{DOT, Picture, bytes, camera, crowd, sheet};
