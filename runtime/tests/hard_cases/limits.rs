@@ -222,6 +222,18 @@ fn shares_and_bands_make_the_same_frame() {
     }
 }
 
+/// Memory for several threads is that of its steps.
+#[test]
+fn scratch_for_threads_is_the_sum_of_its_steps() {
+    let file = bytes(&crowd());
+    let avatar = Avatar::parse(&file).unwrap();
+    let of = |threads| scratch_len_for_threads(&avatar, 100, 97, 75, threads);
+    let band = Prepared::band_scratch_len(100, 97, 75);
+    let once = Posed::scratch_len(&avatar) + Prepared::scratch_len(&avatar, 100, 97, 75);
+    assert_eq!([of(0), of(1), of(3)], [once, once + band, once + 3 * band]);
+    assert_eq!(of(1), scratch_len(&avatar, 100, 97, 75));
+}
+
 /// Each step says its own whole shortage.
 #[test]
 fn steps_say_how_much_scratch_they_lack() {
