@@ -54,15 +54,11 @@ pub trait Shape: Default {
     /// Copies the codes of a place in the file to lane `lane`.
     fn gather(place: &Place<'_, '_>, lane: usize, codes: &mut Codes);
 
-    /// Decodes lanes `at..at + V::LEN`.
-    fn decode<V: Lanes>(
-        &mut self,
-        token: V::Token,
-        at: usize,
-        codes: &Codes,
-        group: &GroupRecord,
-        log2_factor: f32,
-    );
+    /// Positions, and log₂ of the scales.
+    fn columns(&mut self) -> (&mut [Column; 3], &mut [Column]);
+
+    /// Decodes how lanes `at..at + V::LEN` are turned.
+    fn decode_rotation<V: Lanes>(&mut self, token: V::Token, at: usize, codes: &Codes);
 
     /// Projects lanes `at..at + V::LEN`: the centres in the world, what they project to, and which
     /// can be drawn.
@@ -122,22 +118,12 @@ impl Shape for Discs {
     }
 
     #[inline(always)]
-    fn decode<V: Lanes>(
-        &mut self,
-        token: V::Token,
-        at: usize,
-        codes: &Codes,
-        group: &GroupRecord,
-        log2_factor: f32,
-    ) {
-        for (i, column) in self.position.iter_mut().enumerate() {
-            let value: V = decode_column(token, at, codes, POSITION + i, group.position[i]);
-            store(value, column, at);
-        }
-        for (i, column) in self.log2_scale.iter_mut().enumerate() {
-            let value: V = decode_column(token, at, codes, SCALE + i, group.log2_scale);
-            store(value + V::splat(token, log2_factor), column, at);
-        }
+    fn columns(&mut self) -> (&mut [Column; 3], &mut [Column]) {
+        (&mut self.position, &mut self.log2_scale)
+    }
+
+    #[inline(always)]
+    fn decode_rotation<V: Lanes>(&mut self, token: V::Token, at: usize, codes: &Codes) {
         let turns = codes.get(ROTATION).and_then(|column| column.get(at..)).unwrap_or(&[]);
         let angle = V::load_integers(token, turns) * V::splat(token, ANGLE_STEP);
         store(angle, &mut self.angle, at);
@@ -178,22 +164,12 @@ impl Shape for Fulls {
     }
 
     #[inline(always)]
-    fn decode<V: Lanes>(
-        &mut self,
-        token: V::Token,
-        at: usize,
-        codes: &Codes,
-        group: &GroupRecord,
-        log2_factor: f32,
-    ) {
-        for (i, column) in self.position.iter_mut().enumerate() {
-            let value: V = decode_column(token, at, codes, POSITION + i, group.position[i]);
-            store(value, column, at);
-        }
-        for (i, column) in self.log2_scale.iter_mut().enumerate() {
-            let value: V = decode_column(token, at, codes, SCALE + i, group.log2_scale);
-            store(value + V::splat(token, log2_factor), column, at);
-        }
+    fn columns(&mut self) -> (&mut [Column; 3], &mut [Column]) {
+        (&mut self.position, &mut self.log2_scale)
+    }
+
+    #[inline(always)]
+    fn decode_rotation<V: Lanes>(&mut self, token: V::Token, at: usize, codes: &Codes) {
         let integers = |column: usize| {
             let codes = codes.get(column).and_then(|column| column.get(at..)).unwrap_or(&[]);
             V::load_integers(token, codes)
@@ -325,7 +301,16 @@ impl<G: Shape> Work for Decode<'_, G> {
             for (column, value) in batch.color.iter_mut().zip(rgb_of_ycocg(ycocg)) {
                 store(value, column, at);
             }
-            batch.shape.decode::<V>(token, at, codes, group, log2_factor);
+            let (position, log2_scale) = batch.shape.columns();
+            for (i, column) in position.iter_mut().enumerate() {
+                let value: V = decode_column(token, at, codes, POSITION + i, group.position[i]);
+                store(value, column, at);
+            }
+            for (i, column) in log2_scale.iter_mut().enumerate() {
+                let value: V = decode_column(token, at, codes, SCALE + i, group.log2_scale);
+                store(value + V::splat(token, log2_factor), column, at);
+            }
+            batch.shape.decode_rotation::<V>(token, at, codes);
             at += V::LEN;
         }
     }
