@@ -5,7 +5,6 @@ use bytemuck::{Pod, Zeroable};
 use crate::error::{Buffer, Error};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
-use crate::harmonics;
 use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::select::{Harmonics, Local, Place, for_each_block, for_each_of_block};
@@ -82,8 +81,7 @@ impl PosedGaussian {
         harmonics: &Harmonics<'_>,
         eye: [f32; 3],
     ) -> Option<Self> {
-        let direction = harmonics::direction(ellipsoid.center, eye);
-        let [red, green, blue] = harmonics::color(constant, harmonics.values(), direction);
+        let [red, green, blue] = harmonics.seen(constant, ellipsoid.center, eye);
         let mut axes = [[0.0; 3]; 3];
         axes.iter_mut().zip(ellipsoid.axes).for_each(|(axis, of)| *axis = of);
         let [axis_0, axis_1, axis_2] = axes;

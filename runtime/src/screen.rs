@@ -45,12 +45,7 @@ impl SplatCamera {
         harmonics: &Harmonics<'_>,
     ) -> Option<Splat> {
         let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
-        let color = if harmonics.codes.is_empty() {
-            harmonics::not_below_zero(color)
-        } else {
-            let direction = harmonics::direction(ellipsoid.center, self.view.eye);
-            harmonics::color(color, harmonics.values(), direction)
-        };
+        let color = harmonics.seen(color, ellipsoid.center, self.view.eye);
         Splat::pack(&self.view, &projected, opacity, color).filter(|_| drawable)
     }
 

@@ -41,10 +41,21 @@ impl TileGrid {
         [x..self.width.min(x + TILE), y..self.height.min(y + TILE)]
     }
 
-    /// Calls `visit` with the index of each tile in `rows` that a splat's bounds meet, ascending.
+    /// Calls `visit` with the index of each tile that `bounds` meet, ascending. Bounds: first column
+    /// and row of pixels, then one past the last ones.
     #[inline(always)]
-    fn for_each_tile(&self, rows: &Range<u32>, splat: &Splat, mut visit: impl FnMut(u32)) {
-        let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
+    pub fn for_each_tile(&self, bounds: [u32; 4], visit: impl FnMut(u32)) {
+        self.for_each_tile_in(&(0..self.rows), bounds, visit);
+    }
+
+    /// The same in rows `rows` of tiles alone.
+    #[inline(always)]
+    fn for_each_tile_in(
+        &self,
+        rows: &Range<u32>,
+        [x0, y0, x1, y1]: [u32; 4],
+        mut visit: impl FnMut(u32),
+    ) {
         for row in (y0 / TILE).max(rows.start)..y1.div_ceil(TILE).min(rows.end) {
             for column in x0 / TILE..x1.div_ceil(TILE) {
                 visit(row * self.columns + column);
@@ -67,7 +78,7 @@ pub struct Pair {
 pub fn count_tiles(grid: &TileGrid, splats: &[Splat], counts: &mut [u32]) {
     counts.fill(0);
     for splat in splats {
-        grid.for_each_tile(&(0..grid.rows), splat, |tile| {
+        grid.for_each_tile(splat.bounds.map(u32::from), |tile| {
             if let Some(count) = counts.get_mut(tile as usize) {
                 *count += 1;
             }
@@ -112,7 +123,7 @@ pub fn fill_run(
     let open = ends.get_mut(..run.len()).unwrap_or(&mut []);
     for (splat, index) in splats.iter().zip(0..) {
         let pair = Pair { depth: splat.depth.to_bits(), splat: index };
-        grid.for_each_tile(&rows, splat, |tile| {
+        grid.for_each_tile_in(&rows, splat.bounds.map(u32::from), |tile| {
             // A tile before the run wraps to one far behind it.
             if let Some(end) = open.get_mut(tile.wrapping_sub(run.start) as usize)
                 && let Some(slot) = pairs.get_mut(*end as usize)

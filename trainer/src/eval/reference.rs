@@ -11,7 +11,6 @@ use anyhow::Result;
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
-use dermis_runtime::harmonics;
 use dermis_runtime::math::Real;
 use dermis_runtime::project::{Splat, View, footprint, project};
 use dermis_runtime::raster::{
@@ -118,7 +117,8 @@ fn exact_splat(
             let angle = f64::from(disc.angle);
             let ellipsoid =
                 disc_on(frame, disc.position.map(f64::from), angle, disc.log2_scale.map(f64::from));
-            let color = harmonics::not_below_zero(disc.color.map(f64::from));
+            let color = disc.color.map(f64::from);
+            let color = selected.harmonics.seen(color, ellipsoid.center, view.eye);
             packed(view, low_pass, &ellipsoid, disc.opacity, color)
         }
         Local::Full(full) => {
@@ -128,9 +128,8 @@ fn exact_splat(
                 full.rotation.map(f64::from),
                 full.log2_scale.map(f64::from),
             );
-            let direction = harmonics::direction(ellipsoid.center, view.eye);
             let color = full.color.map(f64::from);
-            let color = harmonics::color(color, selected.harmonics.values(), direction);
+            let color = selected.harmonics.seen(color, ellipsoid.center, view.eye);
             packed(view, low_pass, &ellipsoid, full.opacity, color)
         }
     }

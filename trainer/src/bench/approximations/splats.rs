@@ -3,10 +3,9 @@
 use dermis_format::{Full, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
-use dermis_runtime::harmonics;
 use dermis_runtime::project::{Projected, Splat, View, footprint, project};
 use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
-use dermis_runtime::tiles::{Pair, TILE, TileGrid};
+use dermis_runtime::tiles::{Pair, TileGrid};
 use dermis_runtime::{Camera, Plan, Posed};
 
 use super::Source;
@@ -109,13 +108,7 @@ impl<N: Number> Projector<N> {
         harmonics: &Harmonics<'_>,
     ) -> Option<Splat> {
         let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
-        let color = if harmonics.codes.is_empty() {
-            harmonics::not_below_zero(color)
-        } else {
-            let eye = self.view.eye.map(N::get);
-            let direction = harmonics::direction(ellipsoid.center.map(N::get), eye);
-            harmonics::color(color, harmonics.values(), direction)
-        };
+        let color = harmonics.seen(color, ellipsoid.center.map(N::get), self.view.eye.map(N::get));
         let (footprint, touches) = footprint(&self.view, &projected, N::of(opacity));
         let (bounds, touches) =
             if self.faint { self.reach(&projected, opacity) } else { (footprint.bounds, touches) };
@@ -149,11 +142,7 @@ pub(super) fn lists(camera: &Camera, splats: &[Splat]) -> Vec<Vec<Pair>> {
     for (splat, index) in splats.iter().zip(0..) {
         let pair = Pair { depth: splat.depth.to_bits(), splat: index };
         let [x0, y0, x1, y1] = splat.bounds.map(u32::from);
-        for row in y0 / TILE..y1.div_ceil(TILE) {
-            for column in x0 / TILE..x1.div_ceil(TILE) {
-                lists[(row * grid.columns + column) as usize].push(pair);
-            }
-        }
+        grid.for_each_tile([x0, y0, x1, y1], |tile| lists[tile as usize].push(pair));
     }
     for list in &mut lists {
         list.sort_by_key(|pair| pair.depth);

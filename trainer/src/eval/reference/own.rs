@@ -83,12 +83,8 @@ fn lists(grid: &TileGrid, splats: &[Exact]) -> Vec<Vec<Exact>> {
     order.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let mut lists = vec![Vec::new(); grid.tiles()];
     for splat in order {
-        let [x0, y0, x1, y1] = splat.bounds.map(|edge| edge as u32);
-        for row in y0 / TILE..y1.div_ceil(TILE) {
-            for column in x0 / TILE..x1.div_ceil(TILE) {
-                lists[(row * grid.columns + column) as usize].push(*splat);
-            }
-        }
+        let bounds = splat.bounds.map(|edge| edge as u32);
+        grid.for_each_tile(bounds, |tile| lists[tile as usize].push(*splat));
     }
     lists
 }
