@@ -56,8 +56,16 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Reads a whole file.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    fs::read(path)
-        .with_context(|| format!("{}: cannot be read; is the path right?", path.display()))
+    let read = || fs::read(path).context("cannot be read; may you read it?");
+    regular_file(path).and_then(|_| read()).with_context(|| path.display().to_string())
+}
+
+/// What the file system says of a file, before it is opened: a pipe would make the program wait, and a
+/// device may have no end.
+pub fn regular_file(path: &Path) -> Result<fs::Metadata> {
+    let about = fs::metadata(path).context("cannot be read; is the path right?")?;
+    ensure!(about.is_file(), "is a folder or a device; give the name of a file");
+    Ok(about)
 }
 
 /// PNG of an RGB8 or RGBA8 picture, by the number of bytes.

@@ -136,7 +136,7 @@ fn strip<V: Lanes>(
     let inside = x.reaches(constant(columns.start as f32)) & x.below(constant(columns.end as f32));
     let a_dx = constant(splat.falloff[0]) * (x + constant(0.5) - constant(splat.mean[0]));
     // Nothing touches so far away.
-    let a_dx = V::select(inside, a_dx, constant(1e18));
+    let a_dx = V::select(inside, a_dx, constant(f32::INFINITY));
     let color = each(splat.color, constant);
     let first = first as usize;
     let mut blends = 0;

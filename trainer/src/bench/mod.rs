@@ -220,7 +220,7 @@ fn first_frame(
     })
 }
 
-/// Frames before the one that counts, where several threads draw.
+/// Frames before the one that counts, where several threads draw and where one does beside them.
 const WAKING_FRAMES: usize = 10;
 
 /// One frame of a row, and what it is compared with in the same round.
@@ -242,6 +242,10 @@ fn round_of(
             }
             Ok::<_, anyhow::Error>(scene.timed(kernel, team, clock, memory)?.0)
         })?;
+        // As awake, and its caches as warm.
+        for _ in 0..WAKING_FRAMES {
+            scene.timed(kernel, &Team::ONE, Clock::Wall, memory)?;
+        }
         (ms, scene.timed(kernel, &Team::ONE, Clock::Wall, memory)?.0)
     };
     let mut drawn = [0.0; 2];

@@ -1,7 +1,8 @@
 //! The threads that draw a frame: the only place that knows how its work is shared among them.
 //!
 //! Poses and plans are made by one thread. Splats are made in parts, and the frame is drawn in bands of
-//! tile rows, both as the runtime divides them, a few for each thread: those that are done take what is left.
+//! tile rows, both as the runtime divides them, one for each thread: it cuts them evenly, and each band
+//! looks at all splats once more.
 
 use std::ops::Range;
 
@@ -12,10 +13,6 @@ use dermis_runtime::tiles::TILE;
 use dermis_runtime::{Background, Camera, Error, Framebuffer, Pixels, Plan, Posed, Prepared};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-
-/// Parts and bands for each thread, where there is more than one. The runtime cuts them evenly, and
-/// each band looks at all splats once more.
-const SHARES_PER_THREAD: usize = 1;
 
 /// Some threads.
 #[derive(Debug)]
@@ -78,7 +75,7 @@ impl Team {
 
     /// Into how many bands a frame is cut: each takes a scratch of its own.
     pub fn bands(&self) -> usize {
-        if self.pool.is_some() { self.threads * SHARES_PER_THREAD } else { 1 }
+        self.threads
     }
 
     /// [`Prepared::new`].

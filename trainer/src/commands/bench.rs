@@ -32,7 +32,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["distance", "size"])]
     camera: Option<PathBuf>,
     /// Metres from the middle of the avatar [default: all of it is seen; of a made figure 2].
-    #[arg(long, value_name = "METRES", value_parser = super::finite)]
+    #[arg(long, value_name = "METRES", value_parser = super::positive)]
     distance: Option<f32>,
     #[command(flatten)]
     posing: Posing,

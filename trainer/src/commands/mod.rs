@@ -9,11 +9,11 @@ pub(crate) mod options;
 pub(crate) mod render;
 pub(crate) mod train;
 
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use clap::CommandFactory;
-use clap::error::ErrorKind;
 use dermis_runtime::Avatar;
 use serde::Serialize;
 
@@ -28,7 +28,7 @@ fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Re
 
 /// Ends the program for options that contradict each other, as clap does for a bad one: exit code 2.
 pub(crate) fn misuse(message: &str) -> ! {
-    crate::Cli::command().error(ErrorKind::ArgumentConflict, message).exit()
+    crate::Cli::command().error(clap::error::ErrorKind::ArgumentConflict, message).exit()
 }
 
 /// A number that is neither infinite nor NaN.
@@ -37,12 +37,17 @@ fn finite(text: &str) -> Result<f32, String> {
     number.ok_or_else(|| "give a finite number".into())
 }
 
+/// A finite number above 0.
+fn positive(text: &str) -> Result<f32, String> {
+    finite(text).ok().filter(|&x| x > 0.0).ok_or_else(|| "give a number above 0".into())
+}
+
 /// Prints `value` as JSON, or what `text` makes of it.
 fn print<T: Serialize>(common: &Common, value: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
-    if common.json {
-        println!("{}", serde_json::to_string(value)?);
-    } else {
-        print!("{}", text(value));
+    let text = if common.json { serde_json::to_string(value)? + "\n" } else { text(value) };
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        // Who reads has seen enough.
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("standard output: cannot be written"),
     }
-    Ok(())
 }

@@ -31,7 +31,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite)]
     pitch: f32,
     /// Metres from the middle of the avatar [default: all of it is seen].
-    #[arg(long, value_name = "METRES", value_parser = super::finite)]
+    #[arg(long, value_name = "METRES", value_parser = super::positive)]
     distance: Option<f32>,
     /// Pixels.
     #[arg(long, default_value = "540x540", value_name = "WxH")]

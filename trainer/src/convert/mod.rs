@@ -14,11 +14,13 @@ mod ply;
 mod splat_ply;
 pub mod splats;
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+
+use crate::output::regular_file;
 use dermis_format::source::{Gaussians, Mathematics, Region, Source};
 use dermis_format::{FrameKind, Full, LowPass, ScaleLaw};
 use dermis_runtime::math::rotation_rows;
@@ -46,9 +48,7 @@ pub fn read(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
 }
 
 fn read_file(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
-    // Before it is opened: a pipe would make the program wait.
-    let about = fs::metadata(path).context("cannot be read; is the path right?")?;
-    ensure!(about.is_file(), "is a folder or a device; give the name of a file");
+    let about = regular_file(path)?;
     let file = File::open(path).context("cannot be read; may you read it?")?;
     let bound = match kind {
         None => Bound::Refused,

@@ -7,7 +7,7 @@
 
 mod own;
 
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
@@ -54,6 +54,12 @@ pub fn draw_reference(
     let posed = Posed::new(avatar, pose, Kernel::detect(), &mut posing)?;
     let prepared = Prepared::new(&posed, plan, camera, &mut preparing)?;
     let exact = exact_splats(&posed, plan, camera);
+    ensure!(
+        exact.len() == prepared.splats().len(),
+        "the reference sees {} splats but the runtime draws {}; this is a fault of the program",
+        exact.len(),
+        prepared.splats().len()
+    );
     let grid = TileGrid::new(width, height);
     let background = background.map(f64::from);
     let mut picture = vec![background; width as usize * height as usize];

@@ -113,7 +113,7 @@ impl Part {
     /// Of cone and half balls, m².
     fn area(&self) -> f64 {
         let [a, b] = self.radii;
-        let slant = (self.length().powi(2) + (a - b).powi(2)).sqrt();
+        let slant = (self.length() * self.length() + (a - b) * (a - b)).sqrt();
         std::f64::consts::PI * ((a + b) * slant + 2.0 * (a * a + b * b))
     }
 

@@ -1,5 +1,5 @@
 //! A standing figure of any number of Gaussians, made without input: the scene that speed is
-//! measured on, and that other programs' measurements use (flat discs on capsules, 1.7 m high).
+//! measured on where there is no mesh to cull by (flat discs on capsules, 1.7 m high).
 //!
 //! Discs lie on the surface by a low-discrepancy sequence; their tangential σ is the mean spacing
 //! times a lognormal number, so that the figure is closed at every count. It stands on y = 0 and faces
