@@ -103,7 +103,7 @@ impl Prepared<'_> {
         let pixels = scratch.take::<TilePixels>(1)?;
         let mut counts = Counts::default();
         self.for_each_list(tile_rows, scratch.take_rest(), |tile, order| {
-            for pixels in pixels.iter_mut() {
+            if let Some(pixels) = pixels.first_mut() {
                 counts += self.draw_tile(tile, order, pixels, None);
                 finished(tile, order, pixels);
             }
@@ -119,11 +119,11 @@ impl Prepared<'_> {
         depths: Option<&mut TileDepths>,
     ) -> Counts {
         let area = self.grid.pixels(tile);
-        *pixels = TilePixels::clear();
+        pixels.reset();
         let Some(depths) = depths else {
             return draw_tile(self.kernel, self.splats, order, area, pixels);
         };
-        *depths = TileDepths::clear();
+        depths.0.as_flattened_mut().fill(f32::INFINITY);
         draw_tile_with_depths(self.kernel, self.splats, order, area, pixels, depths)
     }
 

@@ -85,7 +85,6 @@ mod tests {
 
     /// Orthonormal over the sphere: the integral of bᵢ bⱼ is 1 where i = j, else 0.
     #[test]
-    #[inline(always)]
     fn basis_is_orthonormal() {
         let n = 400;
         let mut gram = [[0.0f64; 15]; 15];

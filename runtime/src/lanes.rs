@@ -4,8 +4,6 @@
 //! level of fearless_simd. Its `mul_add`, reciprocals and roundings are not, nor are its `min` and
 //! `max` for NaN and zeros.
 
-use core::ops::BitAnd;
-
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, i32x4, i32x8, i32x16, u32x4, u32x8, u32x16};
 
@@ -29,7 +27,7 @@ pub(crate) fn store<V: Lanes>(value: V, column: &mut Column, at: usize) {
 }
 
 /// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
-pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
+pub trait Lanes: Single {
     /// How many; divides [`MAX_LANES`].
     const LEN: usize;
     /// The proof.
@@ -47,7 +45,7 @@ pub trait Lanes: Single<Mask: BitAnd<Output = Self::Mask>> {
     /// The integers in the bits of `mask` of `LEN` words, moved down by `shift` first; `mask` is below
     /// 2²⁴.
     fn load_field(token: Self::Token, from: &[u32], shift: u32, mask: u32) -> Self;
-    /// A word for each lane: numbers from 0 on, rounded down, each moved up by its shift. None may
+    /// A word for each lane: numbers in 0..=65,535, rounded down, each moved up by its shift. None may
     /// reach the bits of the next one.
     fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]);
 }

@@ -16,6 +16,8 @@
 //! Formulas are written once over [`math::Real`], which f32, f64 and the vectors of [`lanes`] are; a
 //! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
+//! Beside that memory a frame takes stack; its largest piece are the 8 KB of counts of a list's sort.
+//!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!
 //! [`render`] does all of it for one avatar and one camera; [`scratch_len`] says how many words it
@@ -66,7 +68,7 @@ pub use prepare::{Part, Prepared};
 pub struct Statistics {
     /// Gaussians of the plan: never more than the budget.
     pub gaussians_selected: u32,
-    /// Those that touch a pixel's bounds.
+    /// Those whose bounds hold a pixel of the frame.
     pub gaussians_visible: u32,
     /// What the pixels took.
     pub counts: raster::Counts,
@@ -79,7 +81,8 @@ pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) ->
 }
 
 /// Words of scratch of a frame whose bands `threads` threads draw at once: for [`Posed`], for
-/// [`Prepared`], and a band's ([`Prepared::band_scratch_len`]) for each of them.
+/// [`Prepared`], and a band's ([`Prepared::band_scratch_len`]) for each of them; with depths
+/// [`draw::DEPTH_SCRATCH_LEN`] more for each.
 pub fn scratch_len_for_threads(
     avatar: &Avatar<'_>,
     budget: u32,

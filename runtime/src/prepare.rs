@@ -42,7 +42,11 @@ impl<'s> Prepared<'s> {
 
     /// Projects the Gaussians of `plan` that can be seen. Dropped are: Gaussians on a triangle
     /// that faces away and is not two-sided, or that has no frame; nearer than
-    /// [`NEAR`](crate::project::NEAR); off screen; fainter than 1/255 everywhere.
+    /// [`NEAR`](crate::project::NEAR); off screen; of an opacity under
+    /// [`LEAST_OPACITY`](crate::select::LEAST_OPACITY) at the plan's level; fainter than 1/255
+    /// everywhere; with a number on the screen that is not finite.
+    ///
+    /// Fails with [`Error::Plan`], [`Error::Size`] or [`Error::Scratch`].
     pub fn new(
         posed: &Posed<'_, '_>,
         plan: &Plan,

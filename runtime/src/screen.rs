@@ -61,7 +61,7 @@ impl SplatCamera {
     ) {
         let mut out = Columns::default();
         let touches = kernel.run(Project { camera: self, batch, harmonics, out: &mut out });
-        let mut left = touches & ((1u64 << batch.len) - 1) as u32;
+        let mut left = touches & ((1u64 << batch.len.min(MAX_LANES)) - 1) as u32;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             left &= left - 1;
@@ -90,7 +90,7 @@ impl<G: Shape> Work for Project<'_, '_, G> {
         );
         let mut touches = 0;
         let mut at = 0;
-        while at < batch.len {
+        while at < batch.len.min(MAX_LANES) {
             let frame = batch.frame::<V>(token, at);
             let (center, projected, drawable) =
                 batch.shape.project(token, at, &frame, &view, camera.low_pass);

@@ -34,11 +34,14 @@ impl TileGrid {
         (self.columns as usize).saturating_mul(self.rows as usize)
     }
 
-    /// Pixels of tile `index` (row-major): columns, then rows.
+    /// Pixels of tile `index` (row-major): columns, then rows; none of what is not of this grid.
     pub fn pixels(&self, index: u32) -> [Range<u32>; 2] {
         let columns = self.columns.max(1);
-        let (x, y) = (index % columns * TILE, index / columns * TILE);
-        [x..self.width.min(x + TILE), y..self.height.min(y + TILE)]
+        let along = |tile: u32, len: u32| {
+            let start = tile.saturating_mul(TILE).min(len);
+            start..len.min(start.saturating_add(TILE))
+        };
+        [along(index % columns, self.width), along(index / columns, self.height)]
     }
 
     /// Calls `visit` with the index of each tile that `bounds` meet, ascending. Bounds: first column
@@ -88,6 +91,8 @@ pub fn count_tiles(grid: &TileGrid, splats: &[Splat], counts: &mut [u32]) {
 
 /// The longest run of tiles from `tiles.start` on whose pairs fit into `capacity`; at least one tile.
 pub fn next_run(counts: &[u32], tiles: Range<u32>, capacity: usize) -> Range<u32> {
+    // Ends of lists are words.
+    let capacity = capacity.min(u32::MAX as usize);
     let mut sum = 0;
     let mut end = tiles.start;
     while end < tiles.end {

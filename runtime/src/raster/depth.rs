@@ -13,13 +13,6 @@ pub const MEDIAN_TRANSMITTANCE: f32 = 0.5;
 #[repr(transparent)]
 pub struct TileDepths(pub [[f32; TILE as usize]; TILE as usize]);
 
-impl TileDepths {
-    /// Nothing is anywhere: +∞.
-    pub const fn clear() -> Self {
-        Self([[f32::INFINITY; TILE as usize]; TILE as usize])
-    }
-}
-
 /// Keeps depths, or does not, at no cost.
 pub(super) trait Keep {
     /// A splat at depth `depth` was blended into pixels `x..x + V::LEN` of the tile's row `y`, which

@@ -44,6 +44,14 @@ impl TilePixels {
         Self([[black, black, black, one]; TILE as usize])
     }
 
+    /// Makes all pixels untouched, in place: a tile is more than a small stack holds.
+    pub fn reset(&mut self) {
+        for [red, green, blue, transmittance] in &mut self.0 {
+            [red, green, blue].into_iter().for_each(|channel| channel.fill(0.0));
+            transmittance.fill(1.0);
+        }
+    }
+
     /// Whether no pixel lets light through any more.
     fn finished(&self) -> bool {
         self.0.iter().all(|[.., t]| t.iter().all(|&t| t < LEAST_TRANSMITTANCE))

@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use dermis_runtime::tiles::TILE;
-use dermis_runtime::{Avatar, Plan, Posed, Prepared, render};
+use dermis_runtime::{Avatar, Part, Plan, Posed, Prepared, render};
 
 use crate::cases::{Amount, Case};
 use crate::frame::Frame;
@@ -45,14 +45,11 @@ pub struct Band {
     pub rows: usize,
 }
 
-/// Cuts a case's frame into `how.bands` bands, top to bottom; some may be empty.
+/// Cuts a case's frame into at most `how.bands` bands, top to bottom.
 pub fn bands(case: &Case, how: &How, prepared: &Prepared<'_>) -> impl Iterator<Item = Band> {
-    let (rows, bands) = (u64::from(prepared.tile_rows()), how.bands.max(1));
     let height = case.size[1];
-    let start = move |band: u32| (rows * u64::from(band) / u64::from(bands)) as u32;
     let row = move |tile_row: u32| tile_row.saturating_mul(TILE).min(height) as usize;
-    (0..bands).map(move |band| {
-        let tile_rows = start(band)..start(band + 1);
+    prepared.bands(how.bands).map(move |tile_rows| {
         let rows = row(tile_rows.end) - row(tile_rows.start);
         Band { tile_rows, rows }
     })
@@ -120,7 +117,12 @@ pub fn prepare<R>(
     // Three words for each vertex, so this cannot fail.
     let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
     let posed = Posed::new(&avatar, &case.stand.pose(&avatar, vertices), how.kernel, posing)?;
-    let prepared = Prepared::new(&posed, &plan, &case.view.camera(case.size), preparing)?;
+    let camera = case.view.camera(case.size);
+    // As many shares as bands, the last one first: neither shows.
+    let parts = how.bands as usize;
+    let prepared = Prepared::in_parts(&posed, &plan, &camera, preparing, parts, |parts| {
+        parts.iter_mut().rev().for_each(Part::project);
+    })?;
     draw(&prepared, drawing)
 }
 

@@ -171,7 +171,7 @@ fn draw_band(
         if order.is_empty() {
             continue;
         }
-        *tile_pixels = TilePixels::clear();
+        tile_pixels.reset();
         let [columns, rows] = grid.pixels(tile);
         draw_tile(kernel, splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
         for (y, row) in (0..rows.len()).zip(&tile_pixels.0) {
