@@ -4,45 +4,51 @@ use core::ops::{Add, Mul, Sub};
 
 use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
 
-/// A flat disc in the frame of its triangle. Lengths in units of the frame's size.
+/// A flat disc in the frame of its triangle, or several side by side. Lengths in units of the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disc {
+pub struct Disc<F = f32> {
     /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
     /// the plane, y along the normal. World: the world's axes, metres.
-    pub position: [f32; 3],
+    pub position: [F; 3],
     /// From the frame's x to the first axis, radians in [0, π).
-    pub angle: f32,
+    pub angle: F,
     /// log₂ of the standard deviations along the two axes.
-    pub log2_scale: [f32; 2],
+    pub log2_scale: [F; 2],
     /// Display-referred sRGB.
-    pub color: [f32; 3],
+    pub color: [F; 3],
     /// In [0, 1].
-    pub opacity: f32,
+    pub opacity: F,
 }
 
-/// A Gaussian with rotation and three scales. Lengths in units of the frame's size.
+/// A Gaussian with rotation and three scales, or several side by side. Lengths in units of the frame's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Full {
+pub struct Full<F = f32> {
     /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
     /// the plane, y along the normal. World: the world's axes, metres.
-    pub position: [f32; 3],
+    pub position: [F; 3],
     /// Unit quaternion w, x, y, z: own axes → frame.
-    pub rotation: [f32; 4],
+    pub rotation: [F; 4],
     /// log₂ of the standard deviations along the three axes.
-    pub log2_scale: [f32; 3],
+    pub log2_scale: [F; 3],
     /// Display-referred sRGB (with harmonics: the constant term's colour).
-    pub color: [f32; 3],
+    pub color: [F; 3],
     /// In [0, 1].
-    pub opacity: f32,
+    pub opacity: F,
 }
 
-/// The value of a code, or of several side by side.
+/// A number, or several side by side.
+pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
+
+impl<F: Copy + Add<Output = F> + Sub<Output = F> + Mul<Output = F>> Number for F {}
+
 #[inline(always)]
-pub fn affine<F>(offset: F, step: F, code: F) -> F
-where
-    F: Add<Output = F> + Mul<Output = F>,
-{
-    offset + code * step
+fn decode_each<F: Number>(
+    ranges: &[Range; 3],
+    codes: [F; 3],
+    constant: &impl Fn(f32) -> F,
+) -> [F; 3] {
+    let ([a, b, c], [x, y, z]) = (ranges, codes);
+    [a.decode(x, constant), b.decode(y, constant), c.decode(z, constant)]
 }
 
 /// Radians per code of a disc's angle.
@@ -52,7 +58,13 @@ impl Range {
     /// The value of a code.
     #[inline]
     pub fn value(self, code: u16) -> f32 {
-        affine(self.offset.get(), self.step.get(), f32::from(code))
+        self.decode(f32::from(code), &|x| x)
+    }
+
+    /// offset + code · step, of one code or of several side by side.
+    #[inline(always)]
+    fn decode<F: Number>(self, code: F, constant: &impl Fn(f32) -> F) -> F {
+        constant(self.offset.get()) + code * constant(self.step.get())
     }
 
     /// The range that codes 0..=`last` need to reach from `min` to `max`.
@@ -82,35 +94,64 @@ impl GroupRecord {
     /// Decodes a disc.
     #[inline]
     pub fn disc(&self, record: &DiscRecord) -> Disc {
-        let range = |range: Range, code: u8| range.value(u16::from(code));
-        let [x, y, z] = record.position;
-        Disc {
-            position: [
-                range(self.position[0], x),
-                range(self.position[1], y),
-                range(self.position[2], z),
-            ],
-            angle: f32::from(record.angle) * ANGLE_STEP,
-            log2_scale: record.scale.map(|code| range(self.log2_scale, code)),
-            color: self.rgb(record.color),
+        let codes = Disc {
+            position: record.position.map(f32::from),
+            angle: f32::from(record.angle),
+            log2_scale: record.scale.map(f32::from),
+            color: record.color.map(f32::from),
             opacity: opacity_value(record.opacity),
-        }
+        };
+        self.disc_of_codes(&codes, |x| x)
     }
 
     /// Decodes a Gaussian with rotation and three scales.
     #[inline]
     pub fn full(&self, record: &FullRecord) -> Full {
-        let [x, y, z] = record.position;
-        Full {
-            position: [
-                self.position[0].value(x.get()),
-                self.position[1].value(y.get()),
-                self.position[2].value(z.get()),
-            ],
+        let codes = Full {
+            position: record.position.map(|code| f32::from(code.get())),
             rotation: quaternion_value(record.rotation.get()),
-            log2_scale: record.scale.map(|code| self.log2_scale.value(u16::from(code))),
-            color: self.rgb(record.color),
+            log2_scale: record.scale.map(f32::from),
+            color: record.color.map(f32::from),
             opacity: opacity_value(record.opacity),
+        };
+        self.full_of_codes(&codes, |x| x)
+    }
+
+    /// Decodes the codes of a disc, or of several side by side. The opacity is one, not a code;
+    /// `constant` makes a number.
+    #[inline(always)]
+    pub fn disc_of_codes<F: Number>(
+        &self,
+        codes: &Disc<F>,
+        constant: impl Fn(f32) -> F,
+    ) -> Disc<F> {
+        let [s, t] = codes.log2_scale;
+        Disc {
+            position: decode_each(&self.position, codes.position, &constant),
+            angle: codes.angle * constant(ANGLE_STEP),
+            log2_scale: [
+                self.log2_scale.decode(s, &constant),
+                self.log2_scale.decode(t, &constant),
+            ],
+            color: rgb_of_ycocg(decode_each(&self.color, codes.color, &constant)),
+            opacity: codes.opacity,
+        }
+    }
+
+    /// Decodes the codes of a Gaussian with rotation and three scales, or of several side by side.
+    /// Rotation and opacity are such, not codes; `constant` makes a number.
+    #[inline(always)]
+    pub fn full_of_codes<F: Number>(
+        &self,
+        codes: &Full<F>,
+        constant: impl Fn(f32) -> F,
+    ) -> Full<F> {
+        Full {
+            position: decode_each(&self.position, codes.position, &constant),
+            rotation: codes.rotation,
+            log2_scale: decode_each(&[self.log2_scale; 3], codes.log2_scale, &constant),
+            color: rgb_of_ycocg(decode_each(&self.color, codes.color, &constant)),
+            opacity: codes.opacity,
         }
     }
 
@@ -142,13 +183,6 @@ impl GroupRecord {
         }
     }
 
-    #[inline]
-    fn rgb(&self, codes: [u8; 3]) -> [f32; 3] {
-        let [luma, orange, green] =
-            core::array::from_fn(|i| self.color[i].value(u16::from(codes[i])));
-        rgb_of_ycocg([luma, orange, green])
-    }
-
     fn color_codes(&self, rgb: [f32; 3]) -> [u8; 3] {
         let ycocg = ycocg_of_rgb(rgb);
         core::array::from_fn(|i| self.color[i].code(ycocg[i], 255) as u8)
@@ -163,10 +197,7 @@ pub fn ycocg_of_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
 
 /// The inverse of [`ycocg_of_rgb`], of one colour or of several side by side.
 #[inline(always)]
-pub fn rgb_of_ycocg<F>([luma, orange, green]: [F; 3]) -> [F; 3]
-where
-    F: Copy + Add<Output = F> + Sub<Output = F>,
-{
+fn rgb_of_ycocg<F: Number>([luma, orange, green]: [F; 3]) -> [F; 3] {
     let rest = luma - green;
     [rest + orange, luma + green, rest - orange]
 }

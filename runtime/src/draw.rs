@@ -4,10 +4,11 @@ use core::ops::Range;
 
 use crate::error::Error;
 use crate::framebuffer::{Area, Framebuffer};
+use crate::lists::{Pair, next_run};
 use crate::prepare::Prepared;
 use crate::raster::{Counts, TileDepths, TilePixels, draw_tile, draw_tile_with_depths};
 use crate::scratch::{Scratch, words};
-use crate::tiles::{Pair, TILE, fill_run, next_run};
+use crate::tiles::TILE;
 
 /// Words of scratch that a band, or a frame, takes beyond the others if its framebuffer has depths:
 /// those of one tile.
@@ -25,13 +26,13 @@ impl Prepared<'_> {
 
     /// Rows of tiles in the frame.
     pub fn tile_rows(&self) -> u32 {
-        self.grid.rows
+        self.listed.grid.rows
     }
 
     /// Cuts the frame into at most `bands` bands of about the same work: rows of tiles with about as
     /// many pairs of tile and splat.
     pub fn bands(&self, bands: u32) -> impl Iterator<Item = Range<u32>> + '_ {
-        let columns = self.grid.columns as usize;
+        let columns = self.listed.grid.columns as usize;
         // An empty tile costs something, too.
         let row_cost = |row: &[u32]| row.iter().map(|&count| u64::from(count) + 8).sum::<u64>();
         let rows = self.tile_counts.chunks(columns.max(1)).map(row_cost);
@@ -56,10 +57,11 @@ impl Prepared<'_> {
         scratch: &mut [u32],
         framebuffer: &mut Framebuffer<'_>,
     ) -> Result<Counts, Error> {
-        let tile_rows = tile_rows.start.min(self.grid.rows)..tile_rows.end.min(self.grid.rows);
+        let tile_rows =
+            tile_rows.start.min(self.listed.grid.rows)..tile_rows.end.min(self.listed.grid.rows);
         let first_row = tile_rows.start * TILE;
-        let end_row = (tile_rows.end * TILE).min(self.grid.height);
-        framebuffer.check(self.grid.width, end_row.saturating_sub(first_row) as usize)?;
+        let end_row = (tile_rows.end * TILE).min(self.listed.grid.height);
+        framebuffer.check(self.listed.grid.width, end_row.saturating_sub(first_row) as usize)?;
         let depth_tiles = usize::from(framebuffer.depth.is_some());
         let needed = words::<TilePixels>(1)
             .saturating_add(words::<TileDepths>(depth_tiles))
@@ -69,7 +71,7 @@ impl Prepared<'_> {
         let depths = scratch.take::<TileDepths>(depth_tiles)?;
         let mut counts = Counts::default();
         self.for_each_list(tile_rows, scratch.take_rest(), |tile, order| {
-            let [columns, rows] = self.grid.pixels(tile);
+            let [columns, rows] = self.listed.grid.pixels(tile);
             let area = Area { columns, rows, first_row };
             if order.is_empty() {
                 framebuffer.clear(self.kernel, &area);
@@ -88,7 +90,7 @@ impl Prepared<'_> {
         scratch: &mut [u32],
         framebuffer: &mut Framebuffer<'_>,
     ) -> Result<Counts, Error> {
-        self.draw_band(0..self.grid.rows, scratch, framebuffer)
+        self.draw_band(0..self.listed.grid.rows, scratch, framebuffer)
     }
 
     /// Calls `finished` with each tile of a band: its index, its splats front to back, its pixels.
@@ -118,13 +120,13 @@ impl Prepared<'_> {
         pixels: &mut TilePixels,
         depths: Option<&mut TileDepths>,
     ) -> Counts {
-        let area = self.grid.pixels(tile);
+        let area = self.listed.grid.pixels(tile);
         pixels.reset();
         let Some(depths) = depths else {
-            return draw_tile(self.kernel, self.splats, order, area, pixels);
+            return draw_tile(self.kernel, self.listed.splats, order, area, pixels);
         };
         depths.0.as_flattened_mut().fill(f32::INFINITY);
-        draw_tile_with_depths(self.kernel, self.splats, order, area, pixels, depths)
+        draw_tile_with_depths(self.kernel, self.listed.splats, order, area, pixels, depths)
     }
 
     /// Calls `visit` with each tile of a band: its index, and its splats front to back. As many
@@ -138,11 +140,11 @@ impl Prepared<'_> {
         let mut tiles = self.tiles_of(&tile_rows);
         let mut scratch = Scratch::new(scratch, self.lists_len(&tile_rows))?;
         let ends = scratch.take::<u32>(tiles.len())?;
-        let spare = scratch.take::<Pair>(self.splats.len())?;
-        let pairs = scratch.take_rest::<Pair>();
+        let memory = scratch.take_rest::<Pair>();
         while !tiles.is_empty() {
-            let run = next_run(self.tile_counts, tiles.clone(), pairs.len());
-            fill_run(&self.grid, self.splats, self.tile_counts, run.clone(), pairs, spare, ends);
+            let (run, len) = next_run(self.tile_counts, tiles.clone(), memory.len());
+            let (pairs, spare) = memory.split_at_mut_checked(len).unwrap_or_default();
+            self.listed.fill_run(self.tile_counts, run.clone(), pairs, spare, ends);
             let mut start = 0;
             for (tile, &end) in run.clone().zip(ends.iter()) {
                 visit(tile, pairs.get(start as usize..end as usize).unwrap_or(&[]));
@@ -155,12 +157,12 @@ impl Prepared<'_> {
 
     /// Words that the lists of a band take at least: a tile may hold every splat.
     fn lists_len(&self, tile_rows: &Range<u32>) -> usize {
-        let lists = words::<Pair>(self.splats.len()).saturating_mul(2);
+        let lists = words::<Pair>(self.listed.splats.len()).saturating_mul(2);
         self.tiles_of(tile_rows).len().saturating_add(lists)
     }
 
     fn tiles_of(&self, tile_rows: &Range<u32>) -> Range<u32> {
-        let row = |row: u32| row.min(self.grid.rows) * self.grid.columns;
+        let row = |row: u32| row.min(self.listed.grid.rows) * self.listed.grid.columns;
         row(tile_rows.start)..row(tile_rows.end)
     }
 }

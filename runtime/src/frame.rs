@@ -90,6 +90,20 @@ impl<R: Real> Frame<R> {
         }
     }
 
+    /// The numbers of x, y, z and origin, four in a row.
+    #[inline(always)]
+    pub fn rows(&self) -> [[R; 4]; 3] {
+        let ([a, b, c], [d, e, f], [g, h, i]) = (self.x, self.y, self.z);
+        let [j, k, l] = self.origin;
+        [[a, b, c, d], [e, f, g, h], [i, j, k, l]]
+    }
+
+    /// The inverse of [`Self::rows`].
+    #[inline(always)]
+    pub fn of_rows([[a, b, c, d], [e, f, g, h], [i, j, k, l]]: [[R; 4]; 3]) -> Self {
+        Self { x: [a, b, c], y: [d, e, f], z: [g, h, i], origin: [j, k, l] }
+    }
+
     /// Whether the triangle's front looks at `eye`.
     #[inline(always)]
     pub fn faces(&self, kind: FrameKind, eye: [R; 3]) -> R::Mask {
@@ -103,18 +117,6 @@ impl<R: Scalar> Frame<R> {
     pub fn world() -> Self {
         let (o, i) = (R::ZERO, R::ONE);
         Self { x: [i, o, o], y: [o, i, o], z: [o, o, i], origin: [o; 3] }
-    }
-
-    /// x, y, z and origin.
-    pub fn numbers(&self) -> [R; 12] {
-        let ([a, b, c], [d, e, f], [g, h, i]) = (self.x, self.y, self.z);
-        let [j, k, l] = self.origin;
-        [a, b, c, d, e, f, g, h, i, j, k, l]
-    }
-
-    /// The inverse of [`Self::numbers`].
-    pub fn of_numbers([a, b, c, d, e, f, g, h, i, j, k, l]: [R; 12]) -> Self {
-        Self { x: [a, b, c], y: [d, e, f], z: [g, h, i], origin: [j, k, l] }
     }
 
     /// [`Frame::of_triangles`] of one triangle.

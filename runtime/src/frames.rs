@@ -7,15 +7,15 @@ use crate::extent::Extent;
 use crate::frame::Frame;
 use crate::frustum::Frustum;
 use crate::kernel::Work;
-use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
+use crate::lanes::{Lanes, MAX_LANES, Row, load_rows};
 use crate::math::{dot, each};
 use crate::project::View;
 
-/// Frames of sixteen triangles: axes x, y, z and origin, three numbers each; all zero where a
-/// triangle has no frame.
+/// Frames of sixteen triangles: the first, second and third rows of four of their numbers; all zero
+/// where a triangle has no frame.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(transparent)]
-pub(crate) struct FrameBlock([Column; 12]);
+pub(crate) struct FrameBlock([[Row; MAX_LANES]; 3]);
 
 impl FrameBlock {
     /// How many hold the frames of `triangles`.
@@ -23,28 +23,29 @@ impl FrameBlock {
         triangles.div_ceil(MAX_LANES as u32) as usize
     }
 
-    /// The frame of one triangle, all zero if it has none.
+    /// [`Frame::rows`] of one triangle, all zero if it has none.
     #[inline(always)]
-    pub(crate) fn numbers(&self, lane: usize) -> [f32; 12] {
+    pub(crate) fn rows(&self, lane: usize) -> [&Row; 3] {
+        let [a, b, c] = &self.0;
         let lane = lane % MAX_LANES;
-        each(
-            self.0.each_ref(),
-            #[inline(always)]
-            |column: &Column| column[lane],
-        )
+        [&a[lane], &b[lane], &c[lane]]
     }
 
     /// Frames of lanes `at..`, and where there are any.
     #[inline(always)]
     fn load<V: Lanes>(&self, token: V::Token, at: usize) -> (Frame<V>, V::Mask) {
-        let [a, b, c, d, e, f, g, h, i, j, k, l] = each(
-            self.0.each_ref(),
-            #[inline(always)]
-            |column: &Column| load::<V>(token, column, at),
-        );
-        let frame = Frame { x: [a, b, c], y: [d, e, f], z: [g, h, i], origin: [j, k, l] };
+        let frame = Frame::<V>::load(token, self.0.each_ref().map(|rows| rows.as_slice()), at);
+        let [a, b, c] = frame.x;
         let length = a.abs() + b.abs() + c.abs();
         (frame, length.like(0.0).below(length))
+    }
+}
+
+impl<V: Lanes> Frame<V> {
+    /// From the first, second and third rows of things `at..`.
+    #[inline(always)]
+    pub(crate) fn load(token: V::Token, [a, b, c]: [&[Row]; 3], at: usize) -> Self {
+        Self::of_rows([load_rows(token, a, at), load_rows(token, b, at), load_rows(token, c, at)])
     }
 }
 
@@ -62,30 +63,35 @@ impl Work for MakeFrames<'_, '_> {
     fn run<V: Lanes>(self, token: V::Token) {
         let Self { avatar, vertices, blocks } = self;
         let kind = avatar.header().frame;
-        let mut corners = [[0.0; MAX_LANES]; 9];
+        let mut corners = [[[0.0; 4]; MAX_LANES]; 3];
         for (block, first) in blocks.iter_mut().zip((0..).step_by(MAX_LANES)) {
             for lane in 0..MAX_LANES {
                 // Beyond the last triangle all corners are vertex 0: no area, no frame.
-                let [a, b, c] = avatar.triangle(first + lane);
-                let corner = |i: u32| vertices.get(i as usize).copied().unwrap_or([0.0; 3]);
-                let numbers = [corner(a), corner(b), corner(c)];
-                for (column, number) in corners.iter_mut().zip(numbers.as_flattened()) {
-                    column[lane] = *number;
+                let triangle = avatar.triangle(first + lane);
+                for (rows, vertex) in corners.iter_mut().zip(triangle) {
+                    let [x, y, z] = vertices.get(vertex as usize).copied().unwrap_or([0.0; 3]);
+                    rows[lane] = [x, y, z, 0.0];
                 }
             }
             let mut at = 0;
             while at < MAX_LANES {
-                let [a, b, c, d, e, f, g, h, i] = each(
+                let corners = each(
                     corners.each_ref(),
                     #[inline(always)]
-                    |column: &Column| load::<V>(token, column, at),
+                    |rows: &[Row; MAX_LANES]| {
+                        let [x, y, z, _] = load_rows::<V>(token, rows, at);
+                        [x, y, z]
+                    },
                 );
-                let (frame, exists) = Frame::of_triangles(kind, [[a, b, c], [d, e, f], [g, h, i]]);
+                let (frame, exists) = Frame::of_triangles(kind, corners);
                 let zero = V::splat(token, 0.0);
-                let [x, y, z, origin] = [frame.x, frame.y, frame.z, frame.origin];
-                let columns = block.0.iter_mut();
-                for (column, number) in columns.zip([x, y, z, origin].as_flattened()) {
-                    store(V::select(exists, *number, zero), column, at);
+                for (to, row) in block.0.iter_mut().zip(frame.rows()) {
+                    let row = each(
+                        row,
+                        #[inline(always)]
+                        |number| V::select(exists, number, zero),
+                    );
+                    V::store_rows(row, to.get_mut(at..).unwrap_or(&mut []));
                 }
                 at += V::LEN;
             }

@@ -7,23 +7,28 @@
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, f32x16, i32x4, i32x8, i32x16, u32x4, u32x8, u32x16};
 
-use crate::math::{ROOT_HALF_BITS, Real, Single};
+use crate::math::{ROOT_HALF_BITS, Real, Single, each};
 
 /// Most lanes of any vector.
 pub const MAX_LANES: usize = 16;
 
-/// One number of each of sixteen things.
-pub type Column = [f32; MAX_LANES];
+/// Four numbers of one thing.
+pub type Row = [f32; 4];
 
-/// Lanes `at..` of a column.
+/// Those of `LEN` things from `at` on; none where there are fewer.
 #[inline(always)]
-pub(crate) fn load<V: Lanes>(token: V::Token, column: &Column, at: usize) -> V {
-    V::load(token, column.get(at..).unwrap_or(&[]))
+pub(crate) fn rows_at<T, V: Lanes>(rows: &[T], at: usize) -> &[T] {
+    rows.get(at..at + V::LEN).unwrap_or(&[])
 }
 
 #[inline(always)]
-pub(crate) fn store<V: Lanes>(value: V, column: &mut Column, at: usize) {
-    value.store(column.get_mut(at..).unwrap_or(&mut []));
+pub(crate) fn load<V: Lanes>(token: V::Token, from: &[f32], at: usize) -> V {
+    V::load(token, rows_at::<_, V>(from, at))
+}
+
+#[inline(always)]
+pub(crate) fn load_rows<V: Lanes>(token: V::Token, from: &[Row], at: usize) -> [V; 4] {
+    V::load_rows(token, rows_at::<_, V>(from, at))
 }
 
 /// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
@@ -42,12 +47,27 @@ pub trait Lanes: Single {
     fn store(self, to: &mut [f32]);
     /// Bit i is lane i.
     fn bits(mask: Self::Mask) -> u32;
-    /// The integers in the bits of `mask` of `LEN` words, moved down by `shift` first; `mask` is below
-    /// 2²⁴.
-    fn load_field(token: Self::Token, from: &[u32], shift: u32, mask: u32) -> Self;
-    /// A word for each lane: numbers in 0..=65,535, rounded down, each moved up by its shift. None may
-    /// reach the bits of the next one.
-    fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]);
+    /// The first, second, third and fourth numbers of `LEN` things.
+    fn load_rows(token: Self::Token, from: &[Row]) -> [Self; 4];
+    /// The inverse of [`Self::load_rows`].
+    fn store_rows(columns: [Self; 4], to: &mut [Row]);
+
+    /// `LEN` words of 32 bits side by side.
+    type Words: Copy;
+    /// From `LEN` words.
+    fn load_words(token: Self::Token, from: &[u32]) -> Self::Words;
+    /// The first, second, third and fourth words of `LEN` things.
+    fn load_word_rows(token: Self::Token, from: &[[u32; 4]]) -> [Self::Words; 4];
+    /// To `LEN` words.
+    fn store_words(words: Self::Words, to: &mut [u32]);
+    /// The integers in the bits of `mask`, which is below 2²⁴, after the words are moved down by `shift`.
+    fn field(words: Self::Words, shift: u32, mask: u32) -> Self;
+    /// Numbers in 0..=65,535, rounded down, each moved up by its shift. None may reach the bits of the
+    /// next one.
+    fn pack<const N: usize>(token: Self::Token, fields: [Self; N], shifts: [u32; N])
+    -> Self::Words;
+    /// Numbers of the same bits.
+    fn of_bits(words: Self::Words) -> Self;
 }
 
 impl Lanes for f32 {
@@ -76,18 +96,63 @@ impl Lanes for f32 {
         u32::from(mask)
     }
     #[inline(always)]
-    fn load_field((): (), from: &[u32], shift: u32, mask: u32) -> Self {
-        from.first().map_or(0.0, |&word| (word >> shift & mask) as f32)
+    fn load_rows((): (), from: &[Row]) -> [Self; 4] {
+        from.first().copied().unwrap_or_default()
     }
     #[inline(always)]
-    fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]) {
+    fn store_rows(columns: [Self; 4], to: &mut [Row]) {
         if let Some(to) = to.first_mut() {
-            *to = 0;
-            for i in 0..N {
-                *to |= (fields[i] as i32 as u32) << shifts[i];
-            }
+            *to = columns;
         }
     }
+
+    type Words = u32;
+    #[inline(always)]
+    fn load_words((): (), from: &[u32]) -> u32 {
+        from.first().copied().unwrap_or(0)
+    }
+    #[inline(always)]
+    fn load_word_rows((): (), from: &[[u32; 4]]) -> [u32; 4] {
+        from.first().copied().unwrap_or_default()
+    }
+    #[inline(always)]
+    fn store_words(words: u32, to: &mut [u32]) {
+        if let Some(to) = to.first_mut() {
+            *to = words;
+        }
+    }
+    #[inline(always)]
+    fn field(words: u32, shift: u32, mask: u32) -> Self {
+        (words >> shift & mask) as f32
+    }
+    #[inline(always)]
+    fn pack<const N: usize>((): (), fields: [Self; N], shifts: [u32; N]) -> u32 {
+        let mut words = 0;
+        for i in 0..N {
+            words |= (fields[i] as i32 as u32) << shifts[i];
+        }
+        words
+    }
+    #[inline(always)]
+    fn of_bits(words: u32) -> Self {
+        Self::from_bits(words)
+    }
+}
+
+/// Rows of four to columns: even and odd elements told apart, twice.
+#[inline(always)]
+fn columns<S: Simd, T: SimdBase<S>>([a, b, c, d]: [T; 4]) -> [T; 4] {
+    let ((xz, yw), (xz_2, yw_2)) = (a.deinterleave(b), c.deinterleave(d));
+    let ((x, z), (y, w)) = (xz.deinterleave(xz_2), yw.deinterleave(yw_2));
+    [x, y, z, w]
+}
+
+/// The inverse of [`columns`].
+#[inline(always)]
+fn rows<S: Simd, T: SimdBase<S>>([x, y, z, w]: [T; 4]) -> [T; 4] {
+    let ((xz, xz_2), (yw, yw_2)) = (x.interleave(z), y.interleave(w));
+    let ((a, b), (c, d)) = (xz.interleave(yw), xz_2.interleave(yw_2));
+    [a, b, c, d]
 }
 
 macro_rules! lanes {
@@ -181,30 +246,70 @@ macro_rules! lanes {
                 mask.to_bitmask() as u32
             }
             #[inline(always)]
-            fn load_field(token: S, from: &[u32], shift: u32, mask: u32) -> Self {
-                match from.first_chunk::<$len>() {
-                    Some(from) => {
-                        let words = $unsigned::load_array_ref(token, from);
-                        // Below 2²⁴ a word is the same number with and without a sign.
-                        let field: $signed<S> = ((words >> shift) & mask).bitcast();
-                        Self::float_from(field)
-                    }
-                    None => <Self as SimdBase<S>>::splat(token, 0.0),
+            fn load_rows(token: S, from: &[Row]) -> [Self; 4] {
+                match from.as_flattened().first_chunk::<{ 4 * $len }>() {
+                    Some(from) => columns(each(
+                        [0, 1, 2, 3],
+                        #[inline(always)]
+                        |i: usize| Lanes::load(token, &from[i * $len..]),
+                    )),
+                    None => [<Self as SimdBase<S>>::splat(token, 0.0); 4],
                 }
             }
             #[inline(always)]
-            fn store_fields<const N: usize>(fields: [Self; N], shifts: [u32; N], to: &mut [u32]) {
-                let (Some(to), Some(first)) = (to.first_chunk_mut::<$len>(), fields.first()) else {
-                    return;
-                };
-                let mut words = $signed::splat(first.token(), 0);
+            fn store_rows(columns: [Self; 4], to: &mut [Row]) {
+                if let Some(to) = to.as_flattened_mut().first_chunk_mut::<{ 4 * $len }>() {
+                    let rows = rows(columns);
+                    for i in 0..4 {
+                        rows[i].store(&mut to[i * $len..]);
+                    }
+                }
+            }
+
+            type Words = $unsigned<S>;
+            #[inline(always)]
+            fn load_words(token: S, from: &[u32]) -> $unsigned<S> {
+                match from.first_chunk::<$len>() {
+                    Some(from) => $unsigned::load_array_ref(token, from),
+                    None => <$unsigned<S> as SimdBase<S>>::splat(token, 0),
+                }
+            }
+            #[inline(always)]
+            fn load_word_rows(token: S, from: &[[u32; 4]]) -> [$unsigned<S>; 4] {
+                match from.as_flattened().first_chunk::<{ 4 * $len }>() {
+                    Some(from) => columns(each(
+                        [0, 1, 2, 3],
+                        #[inline(always)]
+                        |i: usize| <Self as Lanes>::load_words(token, &from[i * $len..]),
+                    )),
+                    None => [<$unsigned<S> as SimdBase<S>>::splat(token, 0); 4],
+                }
+            }
+            #[inline(always)]
+            fn store_words(words: $unsigned<S>, to: &mut [u32]) {
+                if let Some(to) = to.first_chunk_mut::<$len>() {
+                    words.store_array(to);
+                }
+            }
+            #[inline(always)]
+            fn field(words: $unsigned<S>, shift: u32, mask: u32) -> Self {
+                // Below 2²⁴ a word is the same number with and without a sign.
+                let field: $signed<S> = ((words >> shift) & mask).bitcast();
+                Self::float_from(field)
+            }
+            #[inline(always)]
+            fn pack<const N: usize>(token: S, fields: [Self; N], shifts: [u32; N]) -> $unsigned<S> {
+                let mut words = <$signed<S> as SimdBase<S>>::splat(token, 0);
                 for i in 0..N {
                     // Of numbers from 0 to 65,535 every level makes the same integers.
                     let field: $signed<S> = fields[i].to_int();
                     words |= field << shifts[i];
                 }
-                let words: $unsigned<S> = words.bitcast();
-                words.store_array(to);
+                words.bitcast()
+            }
+            #[inline(always)]
+            fn of_bits(words: $unsigned<S>) -> Self {
+                words.bitcast()
             }
         }
     };

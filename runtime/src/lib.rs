@@ -26,6 +26,7 @@
 
 pub mod batch;
 pub mod camera;
+pub mod coded;
 pub mod draw;
 pub mod error;
 pub mod export;
@@ -38,6 +39,7 @@ pub mod gaussian;
 pub mod harmonics;
 pub mod kernel;
 pub mod lanes;
+pub mod lists;
 pub mod math;
 mod parts;
 pub mod plan;

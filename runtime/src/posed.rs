@@ -7,7 +7,7 @@ use crate::extent::Extent;
 use crate::frame::Frame;
 use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
-use crate::lanes::MAX_LANES;
+use crate::lanes::{MAX_LANES, Row};
 use crate::math::{Affine, transform};
 use crate::pose::{self, Pose};
 use crate::project::View;
@@ -76,15 +76,15 @@ impl<'s, 'a> Posed<'s, 'a> {
 
     /// Frame of a triangle; `None` where it has none.
     pub fn frame(&self, triangle: u32) -> Option<Frame<f32>> {
-        let numbers = self.frame_numbers(triangle);
-        (numbers != [0.0; 12]).then_some(Frame::of_numbers(numbers))
+        let rows = self.frame_rows(triangle)?.map(|row| *row);
+        (rows != [[0.0; 4]; 3]).then_some(Frame::of_rows(rows))
     }
 
-    /// [`Frame::numbers`] of a triangle, all zero where it has none.
+    /// [`Frame::rows`] of a triangle, all zero where it has no frame.
     #[inline(always)]
-    pub(crate) fn frame_numbers(&self, triangle: u32) -> [f32; 12] {
-        let block = self.frames.get(triangle as usize / MAX_LANES);
-        block.map_or([0.0; 12], |block| block.numbers(triangle as usize % MAX_LANES))
+    pub(crate) fn frame_rows(&self, triangle: u32) -> Option<[&'s Row; 3]> {
+        let block = self.frames.get(triangle as usize / MAX_LANES)?;
+        Some(block.rows(triangle as usize % MAX_LANES))
     }
 
     /// Finds the triangles on which Gaussians of `extent` show something to a camera; see

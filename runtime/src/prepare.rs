@@ -9,13 +9,14 @@ use crate::error::Error;
 use crate::extent::Extent;
 use crate::frames::FrameBlock;
 use crate::kernel::Kernel;
+use crate::lists::{ListKey, Listed};
 use crate::parts::Source;
 use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::project::{Splat, View};
 use crate::scratch::{Scratch, words};
 use crate::screen::SplatCamera;
-use crate::tiles::{TileGrid, count_tiles};
+use crate::tiles::TileGrid;
 
 pub use crate::parts::{MAX_PARTS, Part};
 
@@ -25,9 +26,8 @@ pub const MAX_SIZE: u32 = 16_384;
 /// A frame ready to be drawn, band by band, by any number of threads.
 #[derive(Debug)]
 pub struct Prepared<'s> {
-    pub(crate) splats: &'s [Splat],
+    pub(crate) listed: Listed<'s>,
     pub(crate) tile_counts: &'s [u32],
-    pub(crate) grid: TileGrid,
     pub(crate) kernel: Kernel,
     selected: u32,
 }
@@ -35,7 +35,8 @@ pub struct Prepared<'s> {
 impl<'s> Prepared<'s> {
     /// Words of scratch for at most `budget` Gaussians on `width × height` pixels.
     pub fn scratch_len(avatar: &Avatar<'_>, budget: u32, width: u32, height: u32) -> usize {
-        words::<Splat>(budget as usize)
+        (words::<Splat>(1) + words::<ListKey>(1))
+            .saturating_mul(budget as usize)
             .saturating_add(TileGrid::new(width, height).tiles())
             .saturating_add(FrameBlock::count(avatar.header().triangles))
     }
@@ -78,24 +79,26 @@ impl<'s> Prepared<'s> {
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
         let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
+        let keys = scratch.take::<ListKey>(plan.gaussians() as usize)?;
         let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
         posed.find_visible(&camera.view, Extent::of_plan(avatar, plan), visible);
-        let source = Source { posed, plan, camera: &camera, visible };
-        let mut shares = source.split(&mut *slots, parts);
+        let source = Source { posed, plan, camera: &camera, visible, grid };
+        let mut shares = source.split(&mut *slots, &mut *keys, parts);
         run(&mut shares);
         let mut filled = heapless::Vec::<Range<usize>, MAX_PARTS>::new();
         for share in &shares {
             let _ = filled.push(share.filled());
         }
         drop(shares);
-        let splats: &[Splat] = close_gaps(slots, &filled);
-        count_tiles(&grid, splats, tile_counts);
-        Ok(Self { splats, tile_counts, grid, kernel: posed.kernel(), selected: plan.gaussians() })
+        let (splats, keys) = (close_gaps(slots, &filled), close_gaps(keys, &filled));
+        let listed = Listed { splats, keys, grid };
+        listed.count(tile_counts);
+        Ok(Self { listed, tile_counts, kernel: posed.kernel(), selected: plan.gaussians() })
     }
 
     /// Splats in the order of the file, which breaks ties of depth.
     pub fn splats(&self) -> &'s [Splat] {
-        self.splats
+        self.listed.splats
     }
 
     /// Gaussians of the plan.
@@ -114,7 +117,7 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
 }
 
 /// Moves the runs `filled` of `slots` together.
-fn close_gaps<'s>(slots: &'s mut [Splat], filled: &[Range<usize>]) -> &'s [Splat] {
+fn close_gaps<'s, T: Copy>(slots: &'s mut [T], filled: &[Range<usize>]) -> &'s [T] {
     let mut end = 0;
     for run in filled {
         if end == run.start {
@@ -122,10 +125,10 @@ fn close_gaps<'s>(slots: &'s mut [Splat], filled: &[Range<usize>]) -> &'s [Splat
             continue;
         }
         for from in run.clone() {
-            if let Some(&splat) = slots.get(from)
+            if let Some(&moved) = slots.get(from)
                 && let Some(slot) = slots.get_mut(end)
             {
-                *slot = splat;
+                *slot = moved;
                 end += 1;
             }
         }

@@ -225,14 +225,15 @@ pub fn footprint<R: Real>(view: &View<R>, p: &Projected<R>, opacity: R) -> (Foot
 #[inline(always)]
 fn pixels<R: Real>(mean: R, square: R, len: R) -> [R; 2] {
     let zero = len.like(0.0);
-    let half = square.sqrt() * len.like(1.0001) + len.like(0.51);
-    let [low, high] = [mean - half, mean + half];
-    [low.at_least(zero).at_most(len).ceil(), high.at_least(zero).at_most(len).floor()]
+    let reach = square.sqrt() * len.like(1.0001) + len.like(0.01);
+    // Edges of the reach, rounded: a pixel's centre is half a pixel from its own edges.
+    let edge = |edge: R| edge.at_least(zero).at_most(len).nearest();
+    [edge(mean - reach), edge(mean + reach)]
 }
 
 /// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha
 /// 2^(log2_opacity − (a dx + b dy)² − (c dy)²).
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Splat {
     /// Centre, px.

@@ -3,21 +3,21 @@
 
 use dermis_format::LowPass;
 
-use crate::batch::{Batch, Shape};
+use crate::batch::{Batch, OnScreen};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
-use crate::harmonics;
 use crate::kernel::{Kernel, Work};
-use crate::lanes::{Column, Lanes, MAX_LANES, load, store};
-use crate::math::each;
+use crate::lanes::{Lanes, MAX_LANES, Row};
+use crate::lists::ListKey;
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};
+use crate::tiles::TileGrid;
 
 /// What turns Gaussians on frames into splats.
 #[derive(Clone, Copy, Debug)]
-pub struct SplatCamera {
+pub struct SplatCamera<R = f32> {
     /// The camera.
-    pub view: View<f32>,
+    pub view: View<R>,
     /// How its low-pass acts.
     pub low_pass: LowPass,
 }
@@ -49,136 +49,79 @@ impl SplatCamera {
         Splat::pack(&self.view, &projected, opacity, color).filter(|_| drawable)
     }
 
-    /// Projects a batch. Calls `visit` with the lane and the splat of each Gaussian that touches a
-    /// pixel, in their order. `harmonics` may be empty.
+    /// Projects a batch. Writes the splats of those that touch a pixel to the front of `splats`, in their
+    /// order, and what the lists of the tiles of `grid` need of them to the front of `keys`; bit i of what
+    /// it returns says whether Gaussian i is among them. Those for whom there is no room are left out.
     #[inline]
-    pub fn splats<G: Shape>(
+    pub fn splats<G: Batch>(
         &self,
         kernel: Kernel,
-        batch: &Batch<G>,
-        harmonics: &[Harmonics<'_>],
-        mut visit: impl FnMut(usize, Splat),
-    ) {
-        let mut out = Columns::default();
-        let touches = kernel.run(Project { camera: self, batch, harmonics, out: &mut out });
-        let mut left = touches & ((1u64 << batch.len.min(MAX_LANES)) - 1) as u32;
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            visit(lane, out.splat(lane));
-        }
+        batch: &G,
+        grid: &TileGrid,
+        splats: &mut [Splat],
+        keys: &mut [ListKey],
+    ) -> u64 {
+        kernel.run(Project { camera: self, batch, grid, splats, keys })
     }
 }
 
-/// Fills `out`; gives the lanes that touch a pixel.
-struct Project<'b, 'h, G> {
+struct Project<'b, G> {
     camera: &'b SplatCamera,
-    batch: &'b Batch<G>,
-    harmonics: &'b [Harmonics<'h>],
-    out: &'b mut Columns,
+    batch: &'b G,
+    grid: &'b TileGrid,
+    splats: &'b mut [Splat],
+    keys: &'b mut [ListKey],
 }
 
-impl<G: Shape> Work for Project<'_, '_, G> {
-    type Output = u32;
+impl<G: Batch> Work for Project<'_, G> {
+    type Output = u64;
 
     #[inline(always)]
-    fn run<V: Lanes>(self, token: V::Token) -> u32 {
-        let Self { camera, batch, harmonics, out } = self;
+    fn run<V: Lanes>(self, token: V::Token) -> u64 {
+        let Self { camera, batch, grid, splats, keys } = self;
         let view = camera.view.map(
             #[inline(always)]
             |x| V::splat(token, x),
         );
-        let mut touches = 0;
+        let camera = SplatCamera { view, low_pass: camera.low_pass };
+        // Row by row: a whole splat would take a way through memory in pieces of other lengths.
+        let splats: &mut [[Row; 3]] = bytemuck::try_cast_slice_mut(splats).unwrap_or(&mut []);
+        let mut slots = splats.iter_mut().zip(keys);
+        // In the order of the splat's fields.
+        let mut rows = [[[0.0; 4]; MAX_LANES]; 3];
+        let mut tiles = [0; MAX_LANES];
+        let mut all = 0;
         let mut at = 0;
-        while at < batch.len.min(MAX_LANES) {
-            let frame = batch.frame::<V>(token, at);
-            let (center, projected, drawable) =
-                batch.shape.project(token, at, &frame, &view, camera.low_pass);
-            let opacity = load(token, &batch.opacity, at);
-            let (footprint, visible) = footprint(&view, &projected, opacity);
-            let [r, g, b] = &batch.color;
-            let color = [load(token, r, at), load(token, g, at), load(token, b, at)];
-            let color = if harmonics.is_empty() {
-                harmonics::not_below_zero(color)
-            } else {
-                let direction = harmonics::direction(center, view.eye);
-                harmonics::color(color, coefficients(token, at, harmonics), direction)
-            };
-            touches |= V::bits(drawable & visible) << at;
+        while at < batch.len() {
+            let OnScreen { projected, drawable, opacity, color } =
+                batch.project(token, at, &camera);
+            let (footprint, touches) = footprint(&camera.view, &projected, opacity);
             let [x, y] = projected.mean;
             let [a, b, c] = projected.falloff;
             let [red, green, blue] = color;
-            let splat = [x, y, a, b, c, footprint.log2_opacity, red, green, blue, projected.depth];
-            for (column, value) in out.splats.iter_mut().zip(splat) {
-                store(value, column, at);
-            }
             let [x0, y0, x1, y1] = footprint.bounds;
-            let [first, end] = &mut out.bounds;
-            V::store_fields([x0, y0], [0, 16], first.get_mut(at..).unwrap_or(&mut []));
-            V::store_fields([x1, y1], [0, 16], end.get_mut(at..).unwrap_or(&mut []));
+            let start = V::of_bits(V::pack(token, [x0, y0], [0, 16]));
+            let end = V::of_bits(V::pack(token, [x1, y1], [0, 16]));
+            V::store_rows([x, y, a, b], &mut rows[0]);
+            V::store_rows([c, footprint.log2_opacity, red, green], &mut rows[1]);
+            V::store_rows([blue, projected.depth, start, end], &mut rows[2]);
+            V::store_words(ListKey::tiles_of(token, footprint.bounds, grid), &mut tiles);
+            let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
+            let touching = u64::from(V::bits(drawable & touches)) & valid;
+            let mut left = touching;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize % MAX_LANES;
+                left &= left - 1;
+                if let Some(([first, second, third], key)) = slots.next() {
+                    *key = ListKey::new(tiles[lane], rows[2][lane][1]);
+                    *first = rows[0][lane];
+                    *second = rows[1][lane];
+                    *third = rows[2][lane];
+                }
+            }
+            all |= touching << at;
             at += V::LEN;
         }
-        touches
-    }
-}
-
-/// Coefficient after coefficient of lanes `at..`.
-#[inline(always)]
-fn coefficients<'a, V: Lanes + 'a>(
-    token: V::Token,
-    at: usize,
-    harmonics: &'a [Harmonics<'_>],
-) -> impl Iterator<Item = [V; 3]> + 'a
-where
-    V::Token: 'a,
-{
-    let lanes = harmonics.get(at..).unwrap_or(&[]);
-    let degree_codes = lanes.first().map_or(0, |first| first.codes.len());
-    let mut steps = [0.0; MAX_LANES];
-    steps.iter_mut().zip(lanes).for_each(|(step, lane)| *step = lane.step);
-    let step = V::load(token, &steps);
-    (0..degree_codes / 3).map(
-        #[inline(always)]
-        move |coefficient| {
-            each(
-                [0, 1, 2],
-                #[inline(always)]
-                |channel: usize| {
-                    let mut codes = [0; MAX_LANES];
-                    for (code, lane) in codes.iter_mut().zip(lanes) {
-                        *code =
-                            lane.codes.get(coefficient * 3 + channel).map_or(0, |&c| i32::from(c));
-                    }
-                    V::load_integers(token, &codes) * step
-                },
-            )
-        },
-    )
-}
-
-/// Projected Gaussians before they are records.
-#[derive(Default)]
-struct Columns {
-    /// In the order of [`Splat`]'s fields.
-    splats: [Column; 10],
-    /// First column and row, then one past the last ones, 16 bits each.
-    bounds: [[u32; MAX_LANES]; 2],
-}
-
-impl Columns {
-    #[inline(always)]
-    fn splat(&self, lane: usize) -> Splat {
-        let lane = lane % MAX_LANES;
-        let [x, y, a, b, c, log2_opacity, red, green, blue, depth] =
-            self.splats.each_ref().map(|column| column[lane]);
-        let [first, end] = self.bounds.each_ref().map(|column| column[lane]);
-        Splat {
-            mean: [x, y],
-            falloff: [a, b, c],
-            log2_opacity,
-            color: [red, green, blue],
-            depth,
-            bounds: [first as u16, (first >> 16) as u16, end as u16, (end >> 16) as u16],
-        }
+        all
     }
 }

@@ -1,54 +1,58 @@
 //! Depth order of a tile's list: stable, without a comparison function that could panic.
 
-use crate::tiles::Pair;
+use crate::lists::Pair;
 
 /// Lists this short are sorted by insertion.
 const SHORT: usize = 24;
 /// Bits of a digit at most.
-const DIGIT: u32 = 11;
+const DIGIT: u32 = 10;
 
 /// Sorts a list by depth; pairs of one depth stay in their order. `spare` must be at least as long,
 /// or the list stays as it is.
 ///
-/// Radix sort, least significant digit first, on depths less the list's least one: lists of one
-/// tile span so little that two digits do, wide ones for a long list, narrow ones for a short one.
+/// Two passes of radix sort order it by the leading bits of the depths less the list's least one;
+/// insertion finishes the few pairs that these bits do not tell apart. Where they are many, the
+/// other bits are sorted by first.
 pub(crate) fn by_depth(list: &mut [Pair], spare: &mut [Pair]) {
     if list.len() <= SHORT {
-        return insert(list);
+        insert(list, usize::MAX);
+        return;
     }
     let Some(spare) = spare.get_mut(..list.len()) else { return };
     let (least, greatest) = list.iter().fold((u32::MAX, 0), |(least, greatest), pair| {
         (least.min(pair.depth), greatest.max(pair.depth))
     });
     let bits = u32::BITS - (greatest - least).leading_zeros();
-    // A digit has about as many values as there are pairs, so that counting costs no more than moving.
-    let widest = (list.len().ilog2() + 2).min(DIGIT);
-    let passes = bits.div_ceil(widest);
-    let width = bits.checked_div(passes).map_or(0, |_| bits.div_ceil(passes));
-    let mut counts = [0; 1 << DIGIT];
-    let (mut from, mut to) = (list, spare);
-    for pass in 0..passes {
-        let digit = |depth: u32| (depth - least) >> (pass * width) & ((1 << width) - 1);
-        let places = counts.get_mut(..1 << width).unwrap_or(&mut []);
-        places.fill(0);
-        count(from, places, digit);
-        scatter(from, to, places, digit);
-        core::mem::swap(&mut from, &mut to);
-    }
-    if passes % 2 == 1 {
-        // The sorted pairs are in the spare memory.
-        to.copy_from_slice(from);
+    // A digit has no more values than there are pairs, so that counting costs no more than moving.
+    let width = list.len().ilog2().saturating_sub(1).min(DIGIT).min(bits.div_ceil(2));
+    let leading = bits.saturating_sub(2 * width);
+    by_two_digits(list, spare, least, leading, width);
+    if leading > 0 && !insert(list, list.len()) {
+        let mut low = 0;
+        while low < bits {
+            by_two_digits(list, spare, least, low, width);
+            low += 2 * width;
+        }
     }
 }
 
-/// Counts pairs by bucket.
-#[inline(always)]
-fn count(list: &[Pair], counts: &mut [u32], bucket: impl Fn(u32) -> u32) {
-    for pair in list {
-        if let Some(count) = counts.get_mut(bucket(pair.depth) as usize) {
+/// Sorts by the 2 · `width` bits from bit `low` on of depths less `least`.
+fn by_two_digits(list: &mut [Pair], spare: &mut [Pair], least: u32, low: u32, width: u32) {
+    let mask = (1 << width) - 1;
+    let lower = |depth: u32| (depth - least) >> low & mask;
+    let upper = |depth: u32| ((depth - least) >> low) >> width & mask;
+    let mut counts = [[0; 1 << DIGIT]; 2];
+    let [lowers, uppers] = &mut counts;
+    for pair in &*list {
+        if let Some(count) = lowers.get_mut(lower(pair.depth) as usize) {
+            *count += 1;
+        }
+        if let Some(count) = uppers.get_mut(upper(pair.depth) as usize) {
             *count += 1;
         }
     }
+    scatter(list, spare, lowers.get_mut(..1 << width).unwrap_or(&mut []), lower);
+    scatter(spare, list, uppers.get_mut(..1 << width).unwrap_or(&mut []), upper);
 }
 
 /// Moves pairs to their buckets, in their order; `places` are the counts of the buckets.
@@ -68,8 +72,10 @@ fn scatter(from: &[Pair], to: &mut [Pair], places: &mut [u32], bucket: impl Fn(u
     }
 }
 
-/// Sorts by insertion.
-fn insert(list: &mut [Pair]) {
+/// Sorts by insertion, unless it takes more than `most` moves: then the list is sorted in part,
+/// and pairs of one depth are still in their order. Says whether it is sorted.
+fn insert(list: &mut [Pair], most: usize) -> bool {
+    let mut moves = 0;
     for end in 1..list.len() {
         let mut at = end;
         while let Some([before, pair]) = list.get_mut(at.wrapping_sub(1)..=at) {
@@ -78,8 +84,13 @@ fn insert(list: &mut [Pair]) {
             }
             core::mem::swap(before, pair);
             at -= 1;
+            moves += 1;
+        }
+        if moves > most {
+            return false;
         }
     }
+    true
 }
 
 #[cfg(test)]
@@ -106,6 +117,16 @@ mod tests {
             depths in prop::collection::vec(any::<u32>(), 0..700),
         ) {
             check(depths.iter().map(|depth| least.saturating_add(depth >> shift)));
+        }
+
+        /// A few far away take the leading bits from the others.
+        #[test]
+        fn sorts_what_leading_bits_do_not_tell_apart(
+            shift in 8u32..32,
+            depths in prop::collection::vec(any::<u32>(), 25..700),
+        ) {
+            let near = depths.iter().map(|depth| 1 << 20 | depth >> shift);
+            check(near.chain([u32::MAX, 0, u32::MAX >> 1]));
         }
     }
 

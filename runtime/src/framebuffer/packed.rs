@@ -47,13 +47,13 @@ impl<const RED: u32, const BLUE: u32> Encoding for Bytes<RED, BLUE> {
 
     #[inline(always)]
     fn load<V: Lanes>(token: V::Token, row: &Words, at: usize) -> [V; 4] {
-        let words = row.get(at..).unwrap_or(&[]);
+        let words = V::load_words(token, row.get(at..).unwrap_or(&[]));
         let step = V::splat(token, 1.0 / 255.0);
         [
-            V::load_field(token, words, RED, 0xff) * step,
-            V::load_field(token, words, 8, 0xff) * step,
-            V::load_field(token, words, BLUE, 0xff) * step,
-            V::load_field(token, words, 24, 0xff) * step,
+            V::field(words, RED, 0xff) * step,
+            V::field(words, 8, 0xff) * step,
+            V::field(words, BLUE, 0xff) * step,
+            V::field(words, 24, 0xff) * step,
         ]
     }
 
@@ -67,7 +67,8 @@ impl<const RED: u32, const BLUE: u32> Encoding for Bytes<RED, BLUE> {
         let (most, half) = (V::splat(token, 255.0), V::splat(token, 0.5));
         let [r, g, b, a] = rgba;
         let fields = [r * most + half, g * most + half, b * most + half, a * most + half];
-        V::store_fields(fields, [RED, 8, BLUE, 24], row.get_mut(at..).unwrap_or(&mut []));
+        let words = V::pack(token, fields, [RED, 8, BLUE, 24]);
+        V::store_words(words, row.get_mut(at..).unwrap_or(&mut []));
     }
 }
 
@@ -128,12 +129,12 @@ impl<R: Rounding> Encoding for Rgb565<R> {
 
     #[inline(always)]
     fn load<V: Lanes>(token: V::Token, row: &Words, at: usize) -> [V; 4] {
-        let words = row.get(at..).unwrap_or(&[]);
+        let words = V::load_words(token, row.get(at..).unwrap_or(&[]));
         let (step, green_step) = (V::splat(token, 1.0 / 31.0), V::splat(token, 1.0 / 63.0));
         [
-            V::load_field(token, words, 11, 31) * step,
-            V::load_field(token, words, 5, 63) * green_step,
-            V::load_field(token, words, 0, 31) * step,
+            V::field(words, 11, 31) * step,
+            V::field(words, 5, 63) * green_step,
+            V::field(words, 0, 31) * step,
             V::splat(token, 1.0),
         ]
     }
@@ -148,7 +149,8 @@ impl<R: Rounding> Encoding for Rgb565<R> {
         let (most, green_most) = (V::splat(token, 31.0), V::splat(token, 63.0));
         let bias: V = R::bias(token, y, at);
         let fields = [r * most + bias, g * green_most + bias, b * most + bias];
-        V::store_fields(fields, [11, 5, 0], row.get_mut(at..).unwrap_or(&mut []));
+        let words = V::pack(token, fields, [11, 5, 0]);
+        V::store_words(words, row.get_mut(at..).unwrap_or(&mut []));
     }
 }
 

@@ -9,9 +9,10 @@ use core::ops::Range;
 use bytemuck::{Pod, Zeroable};
 
 use crate::kernel::Kernel;
+use crate::lists::Pair;
 use crate::math::{Real, Single, exp2_of_alpha};
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
-use crate::tiles::{Pair, TILE};
+use crate::tiles::TILE;
 
 pub use depth::{MEDIAN_TRANSMITTANCE, TileDepths};
 pub use scalar::row_span;

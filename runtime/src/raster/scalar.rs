@@ -4,9 +4,10 @@ use core::ops::Range;
 
 use super::depth::Keep;
 use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend, log2_alpha, pixel};
+use crate::lists::Pair;
 use crate::math::Real;
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
-use crate::tiles::{Pair, TILE};
+use crate::tiles::TILE;
 
 /// The part of `columns` that a splat can touch in the row at `dy`: none of its pixels is left
 /// out, so this changes what a row costs, never what it shows.

@@ -6,9 +6,10 @@ use super::depth::Keep;
 use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, TileRow, alpha, blend_weight, exponent};
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
+use crate::lists::Pair;
 use crate::math::each;
 use crate::project::Splat;
-use crate::tiles::{Pair, TILE};
+use crate::tiles::TILE;
 
 const SIDE: usize = TILE as usize;
 /// Splats between two looks at whether the whole tile is finished.

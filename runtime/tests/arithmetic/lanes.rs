@@ -212,15 +212,17 @@ impl Work for Integers<'_> {
             };
             // Rounded down.
             let (x, y) = (of(|x| x & 0xffff), of(|x| (x * 7) & 0xffff));
-            V::store_fields([x + x.like(0.5), y], [0, 16], &mut words);
+            V::store_words(V::pack(token, [x + x.like(0.5), y], [0, 16]), &mut words);
             shorts.extend(&words[..V::LEN]);
             let channels = [of(|x| x & 255), of(|x| (x * 3) & 255), of(|x| (x >> 8) & 255)];
             let [r, g, b] = channels;
-            V::store_fields([r, g, b, of(|x| !x & 255)], [0, 8, 16, 24], &mut words);
+            let packed = V::pack(token, [r, g, b, of(|x| !x & 255)], [0, 8, 16, 24]);
+            V::store_words(packed, &mut words);
             bytes.extend(&words[..V::LEN]);
-            push(V::load_field(token, &words, 24, 0xff), &mut fields);
-            push(V::load_field(token, &words, 5, 0x3f), &mut fields);
-            push(V::load_field(token, &words, 0, 0xff_ffff), &mut fields);
+            let packed = V::load_words(token, &words);
+            push(V::field(packed, 24, 0xff), &mut fields);
+            push(V::field(packed, 5, 0x3f), &mut fields);
+            push(V::field(packed, 0, 0xff_ffff), &mut fields);
         }
         [loaded, shorts, bytes, by_number(fields, V::LEN, 3)]
     }
@@ -243,6 +245,49 @@ fn integers_in_and_out() {
     assert_same("integers", Integers(&codes));
 }
 
+/// Rows to columns, and back.
+#[derive(Clone, Copy)]
+struct Rows<'a>(&'a [[u32; 4]]);
+
+impl Work for Rows<'_> {
+    /// Columns of numbers and of words; rows of each.
+    type Output = [Vec<u32>; 4];
+
+    fn run<V: Lanes>(self, token: V::Token) -> [Vec<u32>; 4] {
+        let [mut numbers, mut words, mut rows, mut word_rows] = [const { Vec::new() }; 4];
+        for chunk in self.0.chunks_exact(V::LEN) {
+            let floats: Vec<[f32; 4]> = chunk.iter().map(|row| row.map(f32::from_bits)).collect();
+            let columns = V::load_rows(token, &floats);
+            columns.iter().for_each(|&column| push(column, &mut numbers));
+            let word_columns = V::load_word_rows(token, chunk);
+            for column in word_columns {
+                let mut lanes = [0; MAX_LANES];
+                V::store_words(column, &mut lanes);
+                words.extend(&lanes[..V::LEN]);
+            }
+            for (columns, rows) in
+                [(columns, &mut rows), (word_columns.map(V::of_bits), &mut word_rows)]
+            {
+                let mut to = [[0.0f32; 4]; MAX_LANES];
+                V::store_rows(columns, &mut to);
+                rows.extend(to[..V::LEN].iter().flatten().map(|x| x.to_bits()));
+            }
+        }
+        [by_number(numbers, V::LEN, 4), by_number(words, V::LEN, 4), rows, word_rows]
+    }
+}
+
+#[test]
+fn rows_to_columns_and_back() {
+    // Infinities and NaN are none of these.
+    let rows: Vec<[u32; 4]> = (0..64).map(|i| [i, i | 0x3f00_0000, i << 16, !i >> 2]).collect();
+    let expected: Vec<u32> = rows.iter().flatten().copied().collect();
+    let found = Rows(&rows).run::<f32>(());
+    assert_eq!(found[1], expected, "words, number by number");
+    assert_eq!(found[2..], [expected.clone(), expected], "there and back");
+    assert_same("rows", Rows(&rows));
+}
+
 /// A slice that is too short gives zeros and takes nothing, at any width.
 #[derive(Clone, Copy)]
 struct Short;
@@ -259,14 +304,20 @@ impl Work for Short {
         let mut short = vec![7.0; V::LEN - 1];
         V::splat(token, 1.0).store(&mut short);
         let mut words = vec![7; V::LEN - 1];
-        V::store_fields([V::splat(token, 1.0); 4], [0, 8, 16, 24], &mut words);
-        let untouched = short.iter().all(|&x| x == 7.0) && words.iter().all(|&x| x == 7);
+        V::store_words(V::pack(token, [V::splat(token, 1.0); 4], [0, 8, 16, 24]), &mut words);
+        let mut rows = vec![[7.0; 4]; V::LEN - 1];
+        V::store_rows([V::splat(token, 1.0); 4], &mut rows);
+        let untouched = short.iter().all(|&x| x == 7.0)
+            && words.iter().all(|&x| x == 7)
+            && rows.as_flattened().iter().all(|&x| x == 7.0);
         let loaded = [
             V::load(token, &short),
             V::load_integers(token, &vec![7; V::LEN - 1]),
-            V::load_field(token, &words, 0, 0xff),
+            V::of_bits(V::load_words(token, &words)),
         ];
-        untouched && loaded.into_iter().all(zero)
+        let word_rows = V::load_word_rows(token, &vec![[7; 4]; V::LEN - 1]).map(V::of_bits);
+        let rows = V::load_rows(token, &rows);
+        untouched && loaded.into_iter().chain(rows).chain(word_rows).all(zero)
     }
 }
 

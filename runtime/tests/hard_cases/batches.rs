@@ -1,11 +1,14 @@
-//! What is done sixteen at once equals what is done one by one, which is the specification.
+//! What is done many at once equals what is done one by one, which is the specification.
 
 use dermis_format::quant::ANGLE_STEP;
 use dermis_format::record::{DiscRecord, FullRecord, GroupRecord, Range};
 use dermis_format::source::{Gaussians, Mathematics, Region, Source};
 use dermis_format::{Block, Disc, FrameKind, Full, LowPass, Records, ScaleLaw};
-use dermis_runtime::batch::{Batch, Codes, Decode, Discs, Fulls, Shape};
+use dermis_runtime::batch::BATCH;
+use dermis_runtime::coded::{Coded, Record};
 use dermis_runtime::frame::Frame;
+use dermis_runtime::kernel::Work;
+use dermis_runtime::lanes::Lanes;
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::{Place, for_each_block, for_each_of_block};
@@ -227,14 +230,15 @@ fn group(numbers: &mut Numbers) -> GroupRecord {
     }
 }
 
-/// Gathers and decodes records, at most sixteen, as the runtime does for a frame.
-fn decoded<G: Shape>(
+/// Gathers and decodes records, at most 64, as the runtime does for a frame: the numbers of each that
+/// `columns` names.
+fn decoded<R: Record, const N: usize>(
     kernel: Kernel,
     records: Records<'_>,
     group: &GroupRecord,
     [first, len]: [usize; 2],
-    log2_factor: f32,
-) -> Batch<G> {
+    columns: impl Columns<R, N>,
+) -> Vec<[f32; N]> {
     let count = match records {
         Records::Disc(discs) => discs.len(),
         Records::Full(fulls) => fulls.len(),
@@ -251,19 +255,64 @@ fn decoded<G: Shape>(
         later_levels: 0,
         harmonics: &[],
     };
-    let mut codes = Codes::default();
-    for lane in 0..len {
-        let (index, triangle, opacity) = (first + lane, None, 1.0);
-        let place = Place { block: &block, group, index, triangle, opacity, log2_factor };
-        G::gather(&place, lane, &mut codes);
+    let mut coded = Coded::<R>::new();
+    for index in first..first + len {
+        let opacity = index as f32;
+        let place =
+            Place { block: &block, group, index, triangle: None, opacity, log2_factor: 0.75 };
+        assert!(coded.takes(&place));
+        coded.push(&place, None);
     }
-    let mut batch = Batch { len, ..Batch::default() };
-    kernel.run(Decode { batch: &mut batch, codes: &codes, group, log2_factor });
-    batch
+    kernel.run(DecodeTo { coded: &coded, columns, len })
 }
 
-fn same(found: f32, expected: f32) -> bool {
-    found.to_bits() == expected.to_bits()
+/// Decodes a batch to the numbers that `columns` names.
+struct DecodeTo<'c, 'a, R, C, const N: usize> {
+    coded: &'c Coded<'a, R>,
+    columns: C,
+    len: usize,
+}
+
+/// Names numbers of decoded Gaussians.
+trait Columns<R: Record, const N: usize> {
+    fn of<V: Lanes>(&self, decoded: R::Decoded<V>) -> [V; N];
+}
+
+struct DiscColumns;
+
+impl Columns<DiscRecord, 10> for DiscColumns {
+    fn of<V: Lanes>(&self, disc: Disc<V>) -> [V; 10] {
+        let ([x, y, z], [s, t], [r, g, b]) = (disc.position, disc.log2_scale, disc.color);
+        [x, y, z, disc.angle, s, t, r, g, b, disc.opacity]
+    }
+}
+
+struct FullColumns;
+
+impl Columns<FullRecord, 14> for FullColumns {
+    fn of<V: Lanes>(&self, full: Full<V>) -> [V; 14] {
+        let ([x, y, z], [s, t, u], [r, g, b]) = (full.position, full.log2_scale, full.color);
+        let [w, i, j, k] = full.rotation;
+        [x, y, z, w, i, j, k, s, t, u, r, g, b, full.opacity]
+    }
+}
+
+impl<R: Record, const N: usize, C: Columns<R, N>> Work for DecodeTo<'_, '_, R, C, N> {
+    type Output = Vec<[f32; N]>;
+
+    fn run<V: Lanes>(self, token: V::Token) -> Vec<[f32; N]> {
+        let mut numbers = Vec::new();
+        for at in (0..self.len).step_by(V::LEN) {
+            let columns = self.columns.of::<V>(self.coded.decode(token, at)).map(|column| {
+                let mut lanes = [0.0; 16];
+                column.store(&mut lanes);
+                lanes
+            });
+            numbers.extend((0..V::LEN).map(|lane| columns.map(|column| column[lane])));
+        }
+        numbers.truncate(self.len);
+        numbers
+    }
 }
 
 /// Every code of angle, scales, position and colour, in full batches and in short ones.
@@ -272,7 +321,6 @@ fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
     let numbers = &mut Numbers(1);
     for round in 0..8u8 {
         let group = group(numbers);
-        let log2_factor = numbers.signed();
         let code = |code: u8, by: u8| code.wrapping_mul(by).wrapping_add(round * by);
         let records: Vec<DiscRecord> = (0..=255u8)
             .map(|i| DiscRecord {
@@ -286,21 +334,16 @@ fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
         for kernel in kernels() {
             let mut first = 0;
             while first < 256 {
-                let len = (256 - first).min(16 - usize::from(round));
-                let at = [first, len];
-                let batch: Batch<Discs> =
-                    decoded(kernel, Records::Disc(&records), &group, at, log2_factor);
-                for lane in 0..len {
-                    let disc = group.disc(&records[first + lane]);
-                    assert!(same(disc.angle, (first + lane) as f32 * ANGLE_STEP));
-                    let shape = &batch.shape;
-                    let alike = same(shape.angle[lane], disc.angle)
-                        && (0..2).all(|i| {
-                            same(shape.log2_scale[i][lane], disc.log2_scale[i] + log2_factor)
-                        })
-                        && (0..3).all(|i| same(shape.position[i][lane], disc.position[i]))
-                        && (0..3).all(|i| same(batch.color[i][lane], disc.color[i]));
-                    assert!(alike, "{} by {}: {disc:?}", first + lane, kernel.name());
+                let len = (256 - first).min(BATCH - usize::from(round));
+                let found =
+                    decoded(kernel, Records::Disc(&records), &group, [first, len], DiscColumns);
+                for (found, index) in found.into_iter().zip(first..) {
+                    let disc = group.disc(&records[index]);
+                    assert_eq!(disc.angle.to_bits(), (index as f32 * ANGLE_STEP).to_bits());
+                    let disc = Disc { opacity: index as f32, ..disc };
+                    let expected = Columns::<DiscRecord, 10>::of::<f32>(&DiscColumns, disc);
+                    let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
+                    assert_eq!(found, expected, "{index} by {}: {disc:?}", kernel.name());
                 }
                 first += len;
             }
@@ -335,17 +378,14 @@ fn full_records_are_decoded_alike_one_by_one_and_in_lanes() {
         .collect();
     assert!(too_long > 1000, "{too_long} codes that no encoder makes");
     for kernel in kernels() {
-        for first in (0..records.len()).step_by(16) {
-            let batch: Batch<Fulls> =
-                decoded(kernel, Records::Full(&records), &group, [first, 16], 0.75);
-            for lane in 0..16 {
-                let full = group.full(&records[first + lane]);
-                let shape = &batch.shape;
-                let alike = (0..4).all(|i| same(shape.rotation[i][lane], full.rotation[i]))
-                    && (0..3).all(|i| same(shape.log2_scale[i][lane], full.log2_scale[i] + 0.75))
-                    && (0..3).all(|i| same(shape.position[i][lane], full.position[i]))
-                    && (0..3).all(|i| same(batch.color[i][lane], full.color[i]));
-                assert!(alike, "{} by {}: {full:?}", first + lane, kernel.name());
+        for first in (0..records.len()).step_by(BATCH) {
+            let found =
+                decoded(kernel, Records::Full(&records), &group, [first, BATCH], FullColumns);
+            for (found, index) in found.into_iter().zip(first..) {
+                let full = Full { opacity: index as f32, ..group.full(&records[index]) };
+                let expected = Columns::<FullRecord, 14>::of::<f32>(&FullColumns, full);
+                let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
+                assert_eq!(found, expected, "{index} by {}: {full:?}", kernel.name());
             }
         }
     }

@@ -3,8 +3,8 @@
 use dermis_conformance::{File, cameras};
 use dermis_format::source::{Gaussians, Mathematics, Region, Source};
 use dermis_format::{FrameKind, Full, LowPass, ScaleLaw, writer};
+use dermis_runtime::lists::Pair;
 use dermis_runtime::raster::TilePixels;
-use dermis_runtime::tiles::Pair;
 use dermis_runtime::{Avatar, Camera, Error, Plan, Pose, Posed, Prepared};
 use dermis_tests::picture::kernels;
 
@@ -62,17 +62,20 @@ fn same_for_all_lengths(file: &[u8], pose: &Pose<'_>, camera: &Camera) -> [usize
             .for_each_list(0..u32::MAX, &mut plenty, |_, list| lists.push(list.len()))
             .expect("it fits");
         let pairs: usize = lists.iter().sum();
-        found = [pairs, lists.iter().copied().max().unwrap_or(0)];
+        let longest = lists.iter().copied().max().unwrap_or(0);
+        found = [pairs, longest];
         let expected = bits(&prepared, &mut plenty).expect("it fits");
-        // With this much all tiles are sorted at once.
-        let whole = least + PAIR * pairs;
+        // With this much all tiles are sorted at once: their lists, and the longest once more.
+        let fixed = least - 2 * PAIR * prepared.splats().len();
+        let whole = least.max(fixed + PAIR * (pairs + longest)) + PAIR;
         let mut lengths = vec![least, least + 1, least + 3, promised, whole - 1, whole, whole + 1];
         lengths.extend((0..20).map(|i| least + (whole - least) * i / 20));
         // Where a run of so many tiles fits just so, or just not.
-        let mut sum = 0;
-        for len in &lists {
-            sum += PAIR * len;
-            let other = least - PAIR * prepared.splats().len() + sum;
+        let (mut sum, mut longest) = (0, 0);
+        for &len in &lists {
+            sum += len;
+            longest = longest.max(len);
+            let other = fixed + PAIR * (sum + longest);
             lengths.extend([other - 1, other, other + 1].into_iter().filter(|len| *len >= least));
         }
         for len in lengths {

@@ -1,8 +1,9 @@
 //! How much scratch a frame takes, over every avatar that there is.
 
 use dermis_conformance::File;
+use dermis_runtime::lists::Pair;
 use dermis_runtime::raster::TilePixels;
-use dermis_runtime::tiles::{Pair, TileGrid};
+use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Avatar, Prepared, scratch_len};
 use dermis_tests::files;
 use dermis_tests::small::{options, trained_demo};

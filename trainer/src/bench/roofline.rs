@@ -5,9 +5,10 @@
 
 use anyhow::Result;
 use dermis_runtime::Kernel;
+use dermis_runtime::lists::Pair;
 use dermis_runtime::project::Splat;
 use dermis_runtime::raster::{Counts, TilePixels, draw_tile};
-use dermis_runtime::tiles::{Pair, TILE};
+use dermis_runtime::tiles::TILE;
 
 use super::clock::Clock;
 

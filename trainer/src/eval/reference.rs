@@ -11,6 +11,7 @@ use anyhow::{Result, ensure};
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
+use dermis_runtime::lists::Pair;
 use dermis_runtime::math::Real;
 use dermis_runtime::project::{Splat, View, footprint, project};
 use dermis_runtime::raster::{
@@ -18,7 +19,7 @@ use dermis_runtime::raster::{
 };
 use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::{Local, Selected, for_each_block, for_each_of_block};
-use dermis_runtime::tiles::{Pair, TileGrid};
+use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
 pub use own::draw_own_reference;

@@ -11,11 +11,12 @@
 
 use core::ops::Range;
 
+use dermis_runtime::lists::Pair;
 use dermis_runtime::project::Splat;
 use dermis_runtime::raster::{
     GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha, row_span,
 };
-use dermis_runtime::tiles::{Pair, TILE, TileGrid};
+use dermis_runtime::tiles::{TILE, TileGrid};
 use rayon::prelude::*;
 
 use super::forward::Forward;

@@ -4,14 +4,14 @@
 use core::ops::Range;
 
 use dermis_format::{FrameKind, LowPass};
-use dermis_runtime::batch::{Batch, Discs};
+use dermis_runtime::batch::{BATCH, Batch, Discs};
 use dermis_runtime::frame::Frame;
-use dermis_runtime::lanes::MAX_LANES;
+use dermis_runtime::lists::{ListKey, Listed, Pair};
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::raster::{self, TilePixels, draw_tile};
 use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::LEAST_OPACITY;
-use dermis_runtime::tiles::{Pair, TILE, TileGrid, count_tiles, fill_run};
+use dermis_runtime::tiles::{TILE, TileGrid};
 use dermis_runtime::{Camera, Kernel};
 use rayon::prelude::*;
 
@@ -87,34 +87,43 @@ pub fn draw(
 ) -> Forward {
     let kernel = Kernel::detect();
     let screen = SplatCamera { view: View::new(camera), low_pass };
-    let chunks: Vec<Vec<(Splat, u32)>> = (0..cloud.len().div_ceil(CHUNK))
+    let grid = TileGrid::new(camera.width, camera.height);
+    let chunks: Vec<Seen> = (0..cloud.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let places = chunk * CHUNK..cloud.len().min((chunk + 1) * CHUNK);
-            project(kernel, cloud, places, prefix, stage, &screen)
+            project(kernel, cloud, places, prefix, stage, &screen, &grid)
         })
         .collect();
     let mut forward = Forward {
         picture: Picture::filled(camera.width, camera.height, background),
         ..Forward::default()
     };
-    for (splat, source) in chunks.into_iter().flatten() {
-        forward.splats.push(splat);
-        forward.sources.push(source);
+    let mut keys = Vec::new();
+    for seen in chunks {
+        forward.splats.extend(seen.splats);
+        forward.sources.extend(seen.sources);
+        keys.extend(seen.keys);
     }
-    let grid = TileGrid::new(camera.width, camera.height);
+    let listed = Listed { splats: &forward.splats, keys: &keys, grid };
     let mut counts = vec![0; grid.tiles()];
-    count_tiles(&grid, &forward.splats, &mut counts);
+    listed.count(&mut counts);
     let rows = forward.picture.rgb.par_chunks_mut((camera.width * TILE) as usize).enumerate();
     forward.bands = rows
-        .map(|(row, pixels)| {
-            draw_band(kernel, &grid, row as u32, &forward.splats, &counts, background, pixels)
-        })
+        .map(|(row, pixels)| draw_band(kernel, &listed, row as u32, &counts, background, pixels))
         .collect();
     forward
 }
 
-/// The splats of the Gaussians at `places` that are seen, each with its place.
+/// Gaussians that are seen.
+#[derive(Default)]
+struct Seen {
+    splats: Vec<Splat>,
+    keys: Vec<ListKey>,
+    sources: Vec<u32>,
+}
+
+/// The Gaussians at `places` that are seen.
 fn project(
     kernel: Kernel,
     cloud: &Cloud,
@@ -122,13 +131,22 @@ fn project(
     prefix: Prefix,
     stage: &Stage,
     screen: &SplatCamera,
-) -> Vec<(Splat, u32)> {
-    let mut splats = Vec::with_capacity(places.len());
-    let mut batch = Batch::<Discs>::default();
-    let mut sources = [0; MAX_LANES];
-    let mut flush = |batch: &mut Batch<Discs>, sources: &[u32]| {
-        screen.splats(kernel, batch, &[], |lane, splat| splats.push((splat, sources[lane])));
-        batch.len = 0;
+    grid: &TileGrid,
+) -> Seen {
+    let mut seen = Seen::default();
+    let mut discs = Discs::new();
+    let mut sources = Vec::with_capacity(BATCH);
+    let mut flush = |discs: &mut Discs, sources: &mut Vec<u32>| {
+        let filled = seen.splats.len();
+        seen.splats.resize(filled + BATCH, Splat::default());
+        seen.keys.resize(filled + BATCH, ListKey::default());
+        let (splats, keys) = (&mut seen.splats[filled..], &mut seen.keys[filled..]);
+        let touching = screen.splats(kernel, discs, grid, splats, keys);
+        let drawn = (0..).zip(sources.drain(..)).filter(|&(lane, _)| touching >> lane & 1 == 1);
+        seen.sources.extend(drawn.map(|(_, source)| source));
+        seen.splats.truncate(seen.sources.len());
+        seen.keys.truncate(seen.sources.len());
+        discs.clear();
     };
     for i in places.filter(|&i| cloud.ranks[i] < prefix.count) {
         let gaussian = &cloud.gaussians[i];
@@ -138,31 +156,31 @@ fn project(
             continue;
         }
         disc.log2_scale.iter_mut().for_each(|scale| *scale += prefix.log2_scale);
-        sources[batch.len] = i as u32;
-        batch.push(&disc, frame);
-        if batch.len == MAX_LANES {
-            flush(&mut batch, &sources);
+        discs.push(&disc, frame);
+        sources.push(i as u32);
+        if discs.len() == BATCH {
+            flush(&mut discs, &mut sources);
         }
     }
-    flush(&mut batch, &sources);
-    splats
+    flush(&mut discs, &mut sources);
+    seen
 }
 
 fn draw_band(
     kernel: Kernel,
-    grid: &TileGrid,
+    listed: &Listed<'_>,
     row: u32,
-    splats: &[Splat],
     counts: &[u32],
     background: [f32; 3],
     pixels: &mut [[f32; 3]],
 ) -> Band {
+    let Listed { splats, grid, .. } = listed;
     let run = row * grid.columns..(row + 1) * grid.columns;
     let pairs = counts[run.start as usize..run.end as usize].iter().sum::<u32>();
     let mut band = Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()] };
     let longest = counts[run.start as usize..run.end as usize].iter().max().map_or(0, |&n| n);
     let mut spare = vec![Pair::default(); longest as usize];
-    fill_run(grid, splats, counts, run.clone(), &mut band.pairs, &mut spare, &mut band.ends);
+    listed.fill_run(counts, run.clone(), &mut band.pairs, &mut spare, &mut band.ends);
     let mut tile_pixels = Box::new(TilePixels::clear());
     let mut start = 0;
     for (tile, &end) in run.zip(&band.ends) {

@@ -1,12 +1,13 @@
 //! Blending, one pixel after the other, as in the runtime's scalar kernel.
 
 use dermis_runtime::Camera;
+use dermis_runtime::lists::Pair;
 use dermis_runtime::math::Real;
 use dermis_runtime::project::{LEAST_LOG2_ALPHA, Splat};
 use dermis_runtime::raster::{
     CLEAR, Counts, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha, row_span,
 };
-use dermis_runtime::tiles::{Pair, TILE, TileGrid};
+use dermis_runtime::tiles::{TILE, TileGrid};
 
 use super::Exact;
 use super::splats::FAINTER_LOG2;

@@ -3,9 +3,10 @@
 use dermis_format::{Full, LowPass};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
+use dermis_runtime::lists::Pair;
 use dermis_runtime::project::{Projected, Splat, View, footprint, project};
 use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
-use dermis_runtime::tiles::{Pair, TileGrid};
+use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Camera, Plan, Posed};
 
 use super::Source;
