@@ -235,7 +235,7 @@ fn round_of(
     let (ms, one_thread) = if team.threads() == 1 {
         (scene.timed(kernel, team, clock, memory)?.0, Milliseconds::default())
     } else {
-        let ms = team.inside(|| {
+        let ms = team.awake(|| {
             // Threads that slept meanwhile are awake for the frame that counts.
             for _ in 0..WAKING_FRAMES {
                 scene.timed(kernel, team, clock, memory)?;

@@ -5,6 +5,7 @@
 //! looks at all splats once more.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::prepare::Part;
@@ -33,6 +34,15 @@ pub struct Canvas<'p> {
     pub background: [f32; 3],
 }
 
+/// Says that something is done, however it ends.
+struct End<'d>(&'d AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+}
+
 /// A part of a frame, and what draws it.
 struct Band<'b> {
     tile_rows: Range<u32>,
@@ -59,13 +69,30 @@ impl Team {
         Ok(Self { pool: Some(pool), threads })
     }
 
-    /// Does `work` on one of the threads, so that it need not wait for them to wake: as a renderer
-    /// does whose main thread is one of them.
-    pub fn inside<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
-        match &self.pool {
-            None => work(),
-            Some(pool) => pool.install(work),
-        }
+    /// Does `work` on one of the threads, while the others look for work of it without falling asleep:
+    /// waking takes longer here than a whole frame, and a renderer that wants its frames keeps its
+    /// threads awake.
+    pub fn awake<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        let Some(pool) = &self.pool else { return work() };
+        let (awake, done) = (AtomicUsize::new(1), AtomicBool::new(false));
+        pool.scope(|scope| {
+            for _ in 1..self.threads {
+                scope.spawn(|_| {
+                    awake.fetch_add(1, Ordering::SeqCst);
+                    while !done.load(Ordering::SeqCst) {
+                        if rayon::yield_now() != Some(rayon::Yield::Executed) {
+                            std::hint::spin_loop();
+                        }
+                    }
+                });
+            }
+            // Once each of the others has such a task, this thread cannot take one while it waits for them.
+            while awake.load(Ordering::SeqCst) < self.threads {
+                std::hint::spin_loop();
+            }
+            let _ends = End(&done);
+            work()
+        })
     }
 
     /// How many.
