@@ -8,15 +8,18 @@
 //!    coordinate system ([`frame`]).
 //! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]).
 //! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
-//!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact sixteen at
-//!    once ([`batch`]), in shares that the caller's threads may take ([`Part`]).
-//! 5. Bands of tiles are sorted front to back ([`tiles`]) and blended ([`raster`], [`draw`])
+//!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact many at
+//!    once ([`batch`], from the file's codes: [`coded`]), in shares that the caller's threads may take
+//!    ([`Part`]).
+//! 5. Bands of tiles ([`tiles`]) are listed and sorted front to back ([`lists`]) and blended
+//!    ([`raster`], [`draw`])
 //! 6. into the caller's [`Framebuffer`] ([`framebuffer`]).
 //!
 //! Formulas are written once over [`math::Real`], which f32, f64 and the vectors of [`lanes`] are; a
 //! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
-//! Beside that memory a frame takes stack; its largest piece are the 8 KB of counts of a list's sort.
+//! Beside that memory a frame takes stack; its largest pieces are 8 KB: the counts of a list's sort, and
+//! a batch of 64 Gaussians.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!

@@ -183,11 +183,13 @@ fn variants(
 ) -> (Vec<Variant>, Vec<LeftOut>) {
     let header = scene.avatar.header();
     let exact = Exact::NONE;
-    let mut left_out = vec![LeftOut {
-        name: "depth key",
-        reason: "none: the key is all bits of the f32 depth; ties of f32 show in own_decisions",
-    }];
+    let mut left_out = Vec::new();
     let mut without = |name, reason| left_out.push(LeftOut { name, reason });
+    without(
+        "depth key",
+        "none: the key is all bits of the f32 depth; ties of f32 show in own_decisions",
+    );
+    without("incremental exponential", "none: each pixel's exponent is computed by itself");
     let mut switched = vec![
         ("polynomial of pixels", "libm's exp2f", Exact { exponential: true, ..exact }),
         ("polynomials of the front end", "libm's functions", Exact { functions: true, ..exact }),

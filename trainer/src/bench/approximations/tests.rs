@@ -74,6 +74,6 @@ fn each_switch_changes_the_picture_as_little_as_it_should() {
         assert_eq!(row("pixels").exact_form, "libm's exp2f");
         assert!(row("skip").blends > row("pixels").blends, "more is blended");
         let left_out: Vec<&str> = measured.left_out.iter().map(|left| left.name).collect();
-        assert_eq!(left_out, ["depth key", "culling of back faces"]);
+        assert_eq!(left_out, ["depth key", "incremental exponential", "culling of back faces"]);
     });
 }
