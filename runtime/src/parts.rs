@@ -7,11 +7,9 @@ use dermis_format::{Block, Records};
 
 use crate::coded::{Coded, Record};
 use crate::lanes::MAX_LANES;
-use crate::lists::ListKey;
 use crate::plan::{Plan, RegionPlan};
 use crate::posed::Posed;
-use crate::project::Splat;
-use crate::screen::SplatCamera;
+use crate::screen::{Slots, SplatCamera};
 use crate::select::{for_each_block, for_each_of_block};
 use crate::tiles::TileGrid;
 
@@ -38,8 +36,7 @@ pub struct Part<'p, 'a> {
     /// Index of the first slot.
     start: usize,
     /// As many as the plan has Gaussians in these blocks.
-    slots: &'p mut [Splat],
-    keys: &'p mut [ListKey],
+    slots: Slots<'p>,
     filled: usize,
 }
 
@@ -47,12 +44,11 @@ impl<'p, 'a> Source<'p, 'a> {
     /// Cuts the plan's blocks into shares of about as many Gaussians, with a slot for each.
     pub(crate) fn split(
         self,
-        mut slots: &'p mut [Splat],
-        mut keys: &'p mut [ListKey],
+        mut slots: Slots<'p>,
         parts: usize,
     ) -> heapless::Vec<Part<'p, 'a>, MAX_PARTS> {
         let parts = parts.clamp(1, MAX_PARTS) as u64;
-        let total = slots.len() as u64;
+        let total = slots.splats.len() as u64;
         let mut shares = heapless::Vec::new();
         let (mut blocks, mut start, mut end) = (0..0, 0, 0);
         for_each_block(self.posed.avatar(), self.plan, |_, _, drawn| {
@@ -60,20 +56,13 @@ impl<'p, 'a> Source<'p, 'a> {
             end += drawn as usize;
             // A share ends with the block in which an even division would end it.
             if end as u64 * parts >= total * (shares.len() as u64 + 1) {
-                let taken = core::mem::take(&mut slots).split_at_mut_checked(end - start);
-                let (front, rest) = taken.unwrap_or_default();
-                slots = rest;
-                let taken = core::mem::take(&mut keys).split_at_mut_checked(end - start);
-                let (front_keys, rest) = taken.unwrap_or_default();
-                keys = rest;
                 let share = blocks.clone();
                 blocks.start = blocks.end;
                 let _ = shares.push(Part {
                     source: self,
                     blocks: share,
                     start,
-                    slots: front,
-                    keys: front_keys,
+                    slots: slots.take(end - start),
                     filled: 0,
                 });
                 start = end;
@@ -88,18 +77,13 @@ impl Part<'_, '_> {
     pub fn project(&mut self) {
         self.filled = 0;
         let mut index = 0;
-        let Self { source, blocks, slots, keys, filled, .. } = self;
+        let Self { source, blocks, slots, filled, .. } = self;
         for_each_block(source.posed.avatar(), source.plan, |block, region, drawn| {
             if blocks.contains(&index) {
-                let rest = slots.get_mut(*filled..).unwrap_or(&mut []);
-                let keys = keys.get_mut(*filled..).unwrap_or(&mut []);
+                let free = slots.from(*filled);
                 *filled += match block.records {
-                    Records::Disc(_) => {
-                        source.project::<DiscRecord>(block, region, drawn, rest, keys)
-                    }
-                    Records::Full(_) => {
-                        source.project::<FullRecord>(block, region, drawn, rest, keys)
-                    }
+                    Records::Disc(_) => source.project::<DiscRecord>(block, region, drawn, free),
+                    Records::Full(_) => source.project::<FullRecord>(block, region, drawn, free),
                 };
             }
             index += 1;
@@ -119,16 +103,13 @@ impl Source<'_, '_> {
         block: &Block<'_>,
         region: &RegionPlan,
         drawn: u32,
-        slots: &mut [Splat],
-        keys: &mut [ListKey],
+        mut slots: Slots<'_>,
     ) -> usize {
         let mut filled = 0;
         let mut gathered = Coded::<R>::new();
         let mut flush = |gathered: &mut Coded<'_, R>| {
-            let free = slots.get_mut(filled..).unwrap_or(&mut []);
-            let keys = keys.get_mut(filled..).unwrap_or(&mut []);
-            let touching =
-                self.camera.splats(self.posed.kernel(), gathered, &self.grid, free, keys);
+            let (kernel, free) = (self.posed.kernel(), slots.from(filled));
+            let touching = self.camera.splats(kernel, gathered, &self.grid, free);
             filled += touching.count_ones() as usize;
             gathered.clear();
         };

@@ -15,7 +15,7 @@ use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::project::{Splat, View};
 use crate::scratch::{Scratch, words};
-use crate::screen::SplatCamera;
+use crate::screen::{Slots, SplatCamera};
 use crate::tiles::TileGrid;
 
 pub use crate::parts::{MAX_PARTS, Part};
@@ -78,19 +78,19 @@ impl<'s> Prepared<'s> {
             Scratch::new(scratch, Self::scratch_len(avatar, plan.gaussians(), width, height))?;
         let tile_counts = scratch.take::<u32>(grid.tiles())?;
         let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
-        let slots = scratch.take::<Splat>(plan.gaussians() as usize)?;
+        let splats = scratch.take::<Splat>(plan.gaussians() as usize)?;
         let keys = scratch.take::<ListKey>(plan.gaussians() as usize)?;
         let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
         posed.find_visible(&camera.view, Extent::of_plan(avatar, plan), visible);
         let source = Source { posed, plan, camera: &camera, visible, grid };
-        let mut shares = source.split(&mut *slots, &mut *keys, parts);
+        let mut shares = source.split(Slots { splats: &mut *splats, keys: &mut *keys }, parts);
         run(&mut shares);
         let mut filled = heapless::Vec::<Range<usize>, MAX_PARTS>::new();
         for share in &shares {
             let _ = filled.push(share.filled());
         }
         drop(shares);
-        let (splats, keys) = (close_gaps(slots, &filled), close_gaps(keys, &filled));
+        let (splats, keys) = (close_gaps(splats, &filled), close_gaps(keys, &filled));
         let listed = Listed { splats, keys, grid };
         listed.count(tile_counts);
         Ok(Self { listed, tile_counts, kernel: posed.kernel(), selected: plan.gaussians() })

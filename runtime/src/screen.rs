@@ -49,19 +49,46 @@ impl SplatCamera {
         Splat::pack(&self.view, &projected, opacity, color).filter(|_| drawable)
     }
 
-    /// Projects a batch. Writes the splats of those that touch a pixel to the front of `splats`, in their
-    /// order, and what the lists of the tiles of `grid` need of them to the front of `keys`; bit i of what
-    /// it returns says whether Gaussian i is among them. Those for whom there is no room are left out.
+    /// Projects a batch. Fills the first of `slots` with the splats of those that touch a pixel, in their
+    /// order; `grid` are the tiles of their lists. Bit i of what it returns says whether Gaussian i is
+    /// among them. Those for whom there is no room are left out.
     #[inline]
     pub fn splats<G: Batch>(
         &self,
         kernel: Kernel,
         batch: &G,
         grid: &TileGrid,
-        splats: &mut [Splat],
-        keys: &mut [ListKey],
+        slots: Slots<'_>,
     ) -> u64 {
-        kernel.run(Project { camera: self, batch, grid, splats, keys })
+        kernel.run(Project { camera: self, batch, grid, slots })
+    }
+}
+
+/// Room for splats, and for what lists need of each.
+#[derive(Debug, Default)]
+pub struct Slots<'s> {
+    /// Splats.
+    pub splats: &'s mut [Splat],
+    /// As many.
+    pub keys: &'s mut [ListKey],
+}
+
+impl<'s> Slots<'s> {
+    /// Those from `first` on.
+    pub fn from(&mut self, first: usize) -> Slots<'_> {
+        Slots {
+            splats: self.splats.get_mut(first..).unwrap_or(&mut []),
+            keys: self.keys.get_mut(first..).unwrap_or(&mut []),
+        }
+    }
+
+    /// Takes the first `count` out; none if there are fewer.
+    pub fn take(&mut self, count: usize) -> Slots<'s> {
+        let Self { splats, keys } = core::mem::take(self);
+        let (splats, more_splats) = splats.split_at_mut_checked(count).unwrap_or_default();
+        let (keys, more_keys) = keys.split_at_mut_checked(count).unwrap_or_default();
+        *self = Self { splats: more_splats, keys: more_keys };
+        Self { splats, keys }
     }
 }
 
@@ -69,8 +96,7 @@ struct Project<'b, G> {
     camera: &'b SplatCamera,
     batch: &'b G,
     grid: &'b TileGrid,
-    splats: &'b mut [Splat],
-    keys: &'b mut [ListKey],
+    slots: Slots<'b>,
 }
 
 impl<G: Batch> Work for Project<'_, G> {
@@ -78,7 +104,7 @@ impl<G: Batch> Work for Project<'_, G> {
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) -> u64 {
-        let Self { camera, batch, grid, splats, keys } = self;
+        let Self { camera, batch, grid, slots: Slots { splats, keys } } = self;
         let view = camera.view.map(
             #[inline(always)]
             |x| V::splat(token, x),

@@ -4,8 +4,8 @@
 //! 2. [`memory`] is what the runtime is lent.
 //! 3. [`host`] prints and exits through the debugger's semihosting.
 //!
-//! It prints each case and the CRC32 of its frame, and exits with the number of cases that differ
-//! from the table.
+//! It prints each case and the CRC32 of its frame, and of its exported Gaussians, and exits with the number
+//! of those that differ from the table.
 #![no_std]
 #![no_main]
 
@@ -16,7 +16,9 @@ mod start;
 use core::panic::PanicInfo;
 
 use dermis_conformance::draw::run_at_once;
-use dermis_conformance::{CASES, File, Format, How, Kernel, Outcome, check, digest};
+use dermis_conformance::{
+    CASES, Case, File, Format, How, Kernel, Outcome, check, check_export, digest, export,
+};
 
 /// Exit code of a panic.
 const PANICKED: u32 = 101;
@@ -38,21 +40,31 @@ extern "C" fn dermis_conformance_main() -> ! {
             let at_once = run_at_once(case, &how, scratch, frame);
             let same = matches!(outcome, Outcome::Same(crc) if at_once == Ok(crc));
             others += u32::from(!same);
-            host::print(case.name);
-            host::print(" ");
-            host::print(format.name());
-            host::print(if same { " " } else { " OTHER " });
-            match outcome {
-                Outcome::Same(crc) | Outcome::Other { found: crc, .. } => host::print_hex(crc),
-                Outcome::Failed(_) => host::print("FAILED"),
-            }
-            host::print("\n");
+            print(case, format.name(), outcome, same);
         }
+    }
+    for case in CASES {
+        let outcome = check_export(case, Kernel::baseline(), scratch, frame);
+        let same = matches!(outcome, Outcome::Same(_));
+        others += u32::from(!same);
+        print(case, export::COLUMN, outcome, same);
     }
     #[cfg(feature = "panic_control")]
     host::print_hex(scratch[frame[0] as usize % 256 * 65_536]);
     // Of a process' exit code a byte is left.
     host::exit(if others < 100 { others } else { 100 })
+}
+
+fn print(case: &Case, column: &str, outcome: Outcome, same: bool) {
+    host::print(case.name);
+    host::print(" ");
+    host::print(column);
+    host::print(if same { " " } else { " OTHER " });
+    match outcome {
+        Outcome::Same(crc) | Outcome::Other { found: crc, .. } => host::print_hex(crc),
+        Outcome::Failed(_) => host::print("FAILED"),
+    }
+    host::print("\n");
 }
 
 /// Never reached: `.ci/no_panic` shows that nothing leads here.

@@ -7,7 +7,7 @@ use dermis_runtime::{Avatar, Part, Plan, Posed, Prepared, render};
 
 use crate::cases::{Amount, Case};
 use crate::frame::Frame;
-use crate::how::{Format, How};
+use crate::how::{Format, How, Kernel};
 
 /// Words of scratch that are enough for every case.
 pub const SCRATCH_WORDS: usize = 1 << 18;
@@ -104,26 +104,38 @@ pub fn prepare<R>(
     scratch: &mut [u32],
     draw: impl FnOnce(&Prepared<'_>, &mut [u32]) -> Result<R, Error>,
 ) -> Result<R, Error> {
+    let (needed, lent) = (scratch_len(case, how.format)?, scratch.len());
+    let missing = Error::Memory { needed, lent };
+    pose(case, how.kernel, scratch, |posed, plan, rest| {
+        let [width, height] = case.size;
+        let len = Prepared::scratch_len(posed.avatar(), plan.gaussians(), width, height);
+        let (preparing, drawing) = rest.split_at_mut_checked(len).ok_or(missing)?;
+        let camera = case.view.camera(case.size);
+        // As many shares as bands, the last one first: neither shows.
+        let parts = how.bands as usize;
+        let prepared = Prepared::in_parts(posed, plan, &camera, preparing, parts, |parts| {
+            parts.iter_mut().rev().for_each(Part::project);
+        })?;
+        draw(&prepared, drawing)
+    })
+}
+
+/// Poses a case's avatar; `use_it` gets the plan and the rest of the scratch, too.
+pub fn pose<R>(
+    case: &Case,
+    kernel: Kernel,
+    scratch: &mut [u32],
+    use_it: impl FnOnce(&Posed<'_, '_>, &Plan, &mut [u32]) -> Result<R, Error>,
+) -> Result<R, Error> {
     let avatar = Avatar::parse(case.avatar.bytes()).map_err(Error::Avatar)?;
-    let plan = plan(case, &avatar);
-    let [width, height] = case.size;
-    let needed = words(case, how.format, &avatar, &plan);
-    let missing = Error::Memory { needed, lent: scratch.len() };
-    let (vertices, rest) =
-        scratch.split_at_mut_checked(case.stand.vertices(&avatar) * 3).ok_or(missing)?;
-    let (posing, rest) = rest.split_at_mut_checked(Posed::scratch_len(&avatar)).ok_or(missing)?;
-    let preparing = Prepared::scratch_len(&avatar, plan.gaussians(), width, height);
-    let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
+    let (moving, posing) = (case.stand.vertices(&avatar) * 3, Posed::scratch_len(&avatar));
+    let missing = Error::Memory { needed: moving.saturating_add(posing), lent: scratch.len() };
+    let (vertices, rest) = scratch.split_at_mut_checked(moving).ok_or(missing)?;
+    let (posing, rest) = rest.split_at_mut_checked(posing).ok_or(missing)?;
     // Three words for each vertex, so this cannot fail.
     let vertices = bytemuck::try_cast_slice_mut(vertices).map_err(|_| missing)?;
-    let posed = Posed::new(&avatar, &case.stand.pose(&avatar, vertices), how.kernel, posing)?;
-    let camera = case.view.camera(case.size);
-    // As many shares as bands, the last one first: neither shows.
-    let parts = how.bands as usize;
-    let prepared = Prepared::in_parts(&posed, &plan, &camera, preparing, parts, |parts| {
-        parts.iter_mut().rev().for_each(Part::project);
-    })?;
-    draw(&prepared, drawing)
+    let posed = Posed::new(&avatar, &case.stand.pose(&avatar, vertices), kernel, posing)?;
+    use_it(&posed, &plan(case, &avatar), rest)
 }
 
 /// Words of scratch that a case takes.

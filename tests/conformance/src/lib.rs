@@ -4,13 +4,14 @@
 //!
 //! 1. [`avatars`] are bytes in the tree, so that neither training nor the encoder changes a frame.
 //! 2. [`cases`] names what is drawn: avatar, pose ([`poses`]), plan, camera ([`cameras`]), size, background.
-//! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory.
+//! 3. [`draw`] draws a case into memory that the caller lends and gives the CRC32 of that memory;
+//!    [`mod@export`] that of the Gaussians that another renderer would draw.
 //! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show;
 //!    [`mod@frame`] its memory in each format.
 //! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
 //! 6. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
 //!
-//! [`check`] does all of it for one case. Run it on this machine, and renew the table, with
+//! [`check`] and [`check_export`] do all of it for one case. Run it on this machine, and renew the table, with
 //!
 //! ```text
 //! cargo test -p dermis-conformance
@@ -26,6 +27,7 @@ pub mod cases;
 pub mod digest;
 pub mod draw;
 pub mod expected;
+pub mod export;
 pub mod frame;
 pub mod how;
 pub mod poses;
@@ -55,9 +57,23 @@ pub enum Outcome {
 /// Draws a case and compares it with the table. [`SCRATCH_WORDS`] and [`FRAME_WORDS`] are enough
 /// for every case.
 pub fn check(case: &Case, how: &How, scratch: &mut [u32], frame: &mut [u32]) -> Outcome {
-    match run(case, how, scratch, frame) {
+    outcome(case, how.format.name(), run(case, how, scratch, frame))
+}
+
+/// The same of the Gaussians that another renderer would draw.
+pub fn check_export(
+    case: &Case,
+    kernel: Kernel,
+    scratch: &mut [u32],
+    records: &mut [u32],
+) -> Outcome {
+    outcome(case, export::COLUMN, export::export(case, kernel, scratch, records))
+}
+
+fn outcome(case: &Case, column: &str, found: Result<u32, Error>) -> Outcome {
+    match found {
         Err(error) => Outcome::Failed(error),
-        Ok(found) => match expected::crc32(case.name, how.format) {
+        Ok(found) => match expected::crc32(case.name, column) {
             Some(expected) if expected == found => Outcome::Same(found),
             expected => Outcome::Other { found, expected },
         },

@@ -5,12 +5,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use dermis_runtime::{Kernel, Level};
-#[cfg(target_arch = "x86_64")]
-use fearless_simd::Simd;
 
+use dermis_conformance::export::{self, export};
 use dermis_conformance::{
-    CASES, Case, FRAME_WORDS, File, Format, How, Outcome, SCRATCH_WORDS, check, digest, draw,
-    expected, run,
+    CASES, Case, FRAME_WORDS, File, Format, How, Outcome, SCRATCH_WORDS, check, check_export,
+    digest, draw, expected, run,
 };
 
 const WHOLE: How = How { format: Format::Rgba8, bands: 1, kernel: Kernel::Scalar };
@@ -36,12 +35,15 @@ fn table() -> String {
     for format in Format::ALL {
         write!(table, " {:8}", format.name()).expect("a string takes it");
     }
+    write!(table, " {:8}", export::COLUMN).expect("a string takes it");
     for case in CASES {
         write!(table, "\n{:width$}", case.name).expect("a string takes it");
         for how in hows() {
             let crc = run(case, &how, &mut scratch, &mut frame).expect(case.name);
             write!(table, " {crc:08x}").expect("a string takes it");
         }
+        let crc = export(case, Kernel::Scalar, &mut scratch, &mut frame).expect(case.name);
+        write!(table, " {crc:08x}").expect("a string takes it");
     }
     table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
 }
@@ -63,6 +65,13 @@ fn frames_are_those_of_the_table() {
                 writeln!(others, "{} {}: {outcome:x?}", case.name, how.format.name())
                     .expect("a string takes it");
             }
+        }
+    }
+    for case in CASES {
+        let outcome = check_export(case, Kernel::Scalar, &mut scratch, &mut frame);
+        if !matches!(outcome, Outcome::Same(_)) {
+            writeln!(others, "{} {}: {outcome:x?}", case.name, export::COLUMN)
+                .expect("a string takes it");
         }
     }
     assert!(others.is_empty(), "{others}DERMIS_BLESS=1 takes these frames as the expected ones");
@@ -107,19 +116,23 @@ fn kernels_do_not_show() {
 }
 
 /// The fallback of vectors, and each level that this machine has.
-fn kernels() -> Vec<Kernel> {
-    let level = Level::new();
-    #[cfg(target_arch = "x86_64")]
-    let levels = [
-        level.as_sse2().map(Simd::level),
-        level.as_sse4_2().map(Simd::level),
-        level.as_avx2().map(Simd::level),
-        level.as_avx512().map(Simd::level),
-    ];
-    #[cfg(not(target_arch = "x86_64"))]
-    let levels = [Some(level)];
-    let levels = [Level::fallback()].into_iter().chain(levels.into_iter().flatten());
-    levels.map(Kernel::Simd).collect()
+fn kernels() -> impl Iterator<Item = Kernel> {
+    let vectors =
+        Kernel::available().into_iter().filter(|kernel| matches!(kernel, Kernel::Simd(_)));
+    [Kernel::Simd(Level::fallback())].into_iter().chain(vectors)
+}
+
+/// Gaussians that another renderer would draw.
+#[test]
+fn exports_do_not_depend_on_the_kernel() {
+    let (mut scratch, mut records) = memory();
+    for case in CASES {
+        let expected = export(case, Kernel::Scalar, &mut scratch, &mut records);
+        for kernel in kernels() {
+            let found = export(case, kernel, &mut scratch, &mut records);
+            assert_eq!(found, expected, "{} by {}", case.name, kernel.name());
+        }
+    }
 }
 
 /// Each case in the formats in which a band could show: where its first row stands matters to a

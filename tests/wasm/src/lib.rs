@@ -1,4 +1,4 @@
-//! The conformance set for a host of WebAssembly: `run.mjs` walks cases × formats by index.
+//! The conformance set for a host of WebAssembly: `run.mjs` walks cases × columns of the table by index.
 //!
 //! It needs neither imports nor a heap: a module of these exports and a memory.
 #![no_std]
@@ -7,7 +7,7 @@ use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 
 use dermis_conformance::{
-    CASES, Case, FRAME_WORDS, Format, How, Kernel, Outcome, SCRATCH_WORDS, check,
+    CASES, Case, FRAME_WORDS, Format, How, Kernel, Outcome, SCRATCH_WORDS, check, check_export,
 };
 
 struct Lent<T>(UnsafeCell<T>);
@@ -29,11 +29,11 @@ pub extern "C" fn cases() -> usize {
     CASES.len()
 }
 
-/// How many formats there are.
+/// How many columns the table has: formats, then exported Gaussians.
 // SAFETY: as for `cases`.
 #[unsafe(no_mangle)]
-pub extern "C" fn formats() -> usize {
-    Format::ALL.len()
+pub extern "C" fn columns() -> usize {
+    Format::ALL.len() + 1
 }
 
 /// Where the name of a case begins.
@@ -50,15 +50,22 @@ pub extern "C" fn name_len(index: usize) -> usize {
     case(index).map_or("", |case| case.name).len()
 }
 
-/// Draws a case in a format. The upper word is 0 if its frame is that of the table, 1 if it is another
-/// one, 2 if it was not drawn, 3 if there is no such case or format; the lower one the frame's CRC32.
+/// Draws a case in the format of a column, or exports it. The upper word is 0 if it comes out as in the
+/// table, 1 if it does not, 2 if the runtime refused it, 3 if there is no such case or column; the lower
+/// one is the CRC32.
 // SAFETY: as for `cases`.
 #[unsafe(no_mangle)]
-pub extern "C" fn draw(index: usize, format: usize) -> u64 {
-    let Some((case, &format)) = case(index).zip(Format::ALL.get(format)) else { return 3 << 32 };
+pub extern "C" fn draw(index: usize, column: usize) -> u64 {
+    let Some(case) = case(index) else { return 3 << 32 };
     // SAFETY: there is one thread, and nothing that is called here comes back to `draw`.
     let (scratch, frame) = unsafe { (&mut *SCRATCH.0.get(), &mut *FRAME.0.get()) };
-    match check(case, &How { format, bands: 1, kernel: Kernel::baseline() }, scratch, frame) {
+    let kernel = Kernel::baseline();
+    let outcome = match Format::ALL.get(column) {
+        Some(&format) => check(case, &How { format, bands: 1, kernel }, scratch, frame),
+        None if column == Format::ALL.len() => check_export(case, kernel, scratch, frame),
+        None => return 3 << 32,
+    };
+    match outcome {
         Outcome::Same(crc) => u64::from(crc),
         Outcome::Other { found, .. } => 1 << 32 | u64::from(found),
         Outcome::Failed(_) => 2 << 32,
