@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
-use dermis_tests::command::{Run, run};
+use dermis_tests::command::{Run, dermis, run};
 use dermis_tests::files::{SmallMesh, empty_folder, names};
 use dermis_tests::small::{options, trained_demo};
 use dermis_tests::splats::SplatPly;
@@ -148,6 +149,40 @@ fn files_that_cannot_be_read_or_written() {
     json(&folder, "info a.dermis");
 }
 
+/// A device that never ends, and a pipe that nobody writes to.
+#[cfg(unix)]
+#[test]
+fn what_is_no_file_is_not_read() {
+    let folder = folder("devices");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    let made = Command::new("mkfifo").arg(folder.join("pipe")).status();
+    assert!(made.expect("mkfifo runs").success());
+    for path in ["/dev/zero", "pipe"] {
+        let said = format!("{path}: is a folder or a device; ");
+        for command in ["info", "render -o out.png", "eval --mesh mesh.glb", "bench"] {
+            fails(&folder, &format!("{command} {path}"), &[&said]);
+        }
+        fails(&folder, &format!("train {path} -o out.dermis {TINY}"), &[&said]);
+        fails(&folder, &format!("render a.dermis -o out.png --camera {path}"), &[&said]);
+    }
+}
+
+/// Whoever reads the output may go at any time.
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let folder = folder("closed_pipe");
+    for arguments in [&["info", "a.dermis"][..], &["info", "a.dermis", "--json"]] {
+        let mut command = Command::new(dermis());
+        command.current_dir(&folder).args(arguments);
+        let mut child =
+            command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("dermis starts");
+        drop(child.stdout.take());
+        let output = child.wait_with_output().expect("it ends");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), said.as_ref()), (Some(0), ""), "{arguments:?}");
+    }
+}
+
 #[test]
 fn wrong_names_and_numbers() {
     let folder = folder("wrong_names");
@@ -170,6 +205,9 @@ fn wrong_names_and_numbers() {
         misuses(&folder, &format!("{render} {option}"), name);
     }
     misuses(&folder, &format!("{render} --budget=-1"), "--budget");
+    for distance in ["0", "-1", "-0.0"] {
+        misuses(&folder, &format!("{render} --distance={distance}"), "--distance");
+    }
     misuses(&folder, &format!("{render} --budget 3 --level 1"), "--level");
     misuses(&folder, &format!("{render} --kernel fast"), "--kernel");
     misuses(&folder, &format!("{render} --time 1"), "--clip");

@@ -1,4 +1,4 @@
-//! Output files, written whole or not at all.
+//! Files: read if they are such, written whole or not at all.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -54,10 +54,15 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Output::create(path)?.finish(bytes)
 }
 
-/// Reads a whole file.
+/// Reads a whole file; an error begins with its name.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    let read = || fs::read(path).context("cannot be read; may you read it?");
-    regular_file(path).and_then(|_| read()).with_context(|| path.display().to_string())
+    read_unnamed(path).with_context(|| path.display().to_string())
+}
+
+/// The same for those who name the file themselves.
+pub fn read_unnamed(path: &Path) -> Result<Vec<u8>> {
+    regular_file(path)?;
+    fs::read(path).context("cannot be read; may you read it?")
 }
 
 /// What the file system says of a file, before it is opened: a pipe would make the program wait, and a

@@ -22,6 +22,7 @@ mod image_file;
 mod obj;
 
 use crate::model::Model;
+use crate::output::read_unnamed;
 use anyhow::{Context, Result, bail, ensure};
 use std::path::Path;
 
@@ -49,7 +50,7 @@ pub fn load(path: &Path) -> Result<Model> {
 }
 
 fn read(path: &Path) -> Result<Model> {
-    let bytes = std::fs::read(path).context("cannot be read; is the path right?")?;
+    let bytes = read_unnamed(path)?;
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
     let mut model = if bytes.starts_with(gltf::GLB_MAGIC) || starts_like_json(&bytes) {
         gltf::import(&bytes, path)?

@@ -1,6 +1,7 @@
 //! A glTF file opened: its JSON, its buffers, and its buffer views decompressed.
 
 use super::meshopt;
+use crate::output::read_unnamed;
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use base64::Engine;
 use base64::alphabet::STANDARD;
@@ -111,9 +112,8 @@ impl Document {
             "refers to {uri:?}; put that file beside it and export again"
         );
         let path = self.folder.join(percent_decoded(uri).as_ref());
-        std::fs::read(&path).with_context(|| {
-            format!("refers to {}, which cannot be read; put it there", path.display())
-        })
+        read_unnamed(&path)
+            .with_context(|| format!("refers to {}, which must be put there", path.display()))
     }
 
     fn read_buffer(&self, index: usize, binary: Option<&[u8]>) -> Result<Vec<u8>> {

@@ -3,6 +3,7 @@
 use super::super::{MAX_TEXELS, add_within, image_file};
 use super::{keyword, numbers};
 use crate::model::{AlphaMode, Material, Texture, Wrap};
+use crate::output::read_unnamed;
 use anyhow::{Context, Result};
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
@@ -32,7 +33,7 @@ pub(super) struct Textures {
 impl Library {
     /// Reads one more file. If that cannot be read materials stay plain, as in other programs.
     pub(super) fn add(&mut self, path: &Path) {
-        let bytes = std::fs::read(path).unwrap_or_default();
+        let bytes = read_unnamed(path).unwrap_or_default();
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut name = None;
         for line in String::from_utf8_lossy(&bytes).lines() {
@@ -100,7 +101,7 @@ impl Textures {
         if let Some(&known) = self.of_file.get(path) {
             return Ok(known);
         }
-        let bytes = std::fs::read(path).context("cannot be read; put it there")?;
+        let bytes = read_unnamed(path)?;
         let image = image_file::decode(&bytes)?;
         add_within(&mut self.texels, image.as_raw().len() / 4, MAX_TEXELS, "texels")?;
         let index = self.textures.len() as u32;
