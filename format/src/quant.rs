@@ -117,8 +117,8 @@ impl GroupRecord {
         self.full_of_codes(&codes, |x| x)
     }
 
-    /// Decodes the codes of a disc, or of several side by side. The opacity is one, not a code;
-    /// `constant` makes a number.
+    /// Decodes the codes of a disc, or of several side by side. Every field of `codes` is a code but the
+    /// opacity, which is a value and stays; `constant` makes an `F` of an f32.
     #[inline(always)]
     pub fn disc_of_codes<F: Number>(
         &self,
@@ -138,8 +138,9 @@ impl GroupRecord {
         }
     }
 
-    /// Decodes the codes of a Gaussian with rotation and three scales, or of several side by side.
-    /// Rotation and opacity are such, not codes; `constant` makes a number.
+    /// Decodes the codes of a Gaussian with rotation and three scales, or of several side by side. Every
+    /// field of `codes` is a code but rotation and opacity, which are values and stay; `constant` makes an
+    /// `F` of an f32.
     #[inline(always)]
     pub fn full_of_codes<F: Number>(
         &self,

@@ -44,18 +44,18 @@ pub struct OnScreen<V: Lanes> {
 
 /// The frame of each Gaussian of a batch: first, second and third rows of [`Frame::rows`].
 #[derive(Clone, Debug)]
-pub struct Frames([[Row; BATCH]; 3]);
+pub(crate) struct FrameRows([[Row; BATCH]; 3]);
 
-impl Frames {
+impl FrameRows {
     /// The world's, all of them.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let [a, b, c] = Frame::world().rows();
         Self([[a; BATCH], [b; BATCH], [c; BATCH]])
     }
 
     /// Puts the rows of a frame in place `lane`.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, [a, b, c]: [&Row; 3]) {
+    pub(crate) fn set(&mut self, lane: usize, [a, b, c]: [&Row; 3]) {
         let [first, second, third] = &mut self.0;
         let lane = lane % BATCH;
         first[lane] = *a;
@@ -65,14 +65,8 @@ impl Frames {
 
     /// Frames `at..at + V::LEN`.
     #[inline(always)]
-    pub fn load<V: Lanes>(&self, token: V::Token, at: usize) -> Frame<V> {
+    pub(crate) fn load<V: Lanes>(&self, token: V::Token, at: usize) -> Frame<V> {
         Frame::load(token, self.0.each_ref().map(<[Row; BATCH]>::as_slice), at)
-    }
-}
-
-impl Default for Frames {
-    fn default() -> Self {
-        Self::new()
     }
 }
 
@@ -80,7 +74,7 @@ impl Default for Frames {
 #[derive(Clone, Debug)]
 pub struct Discs {
     len: usize,
-    frames: Frames,
+    frames: FrameRows,
     /// Position, then angle.
     places: [Row; BATCH],
     /// log₂ of the scales, opacity, nothing.
@@ -93,7 +87,7 @@ impl Discs {
     /// None.
     pub fn new() -> Self {
         let rows = [[0.0; 4]; BATCH];
-        Self { len: 0, frames: Frames::new(), places: rows, shapes: rows, colors: rows }
+        Self { len: 0, frames: FrameRows::new(), places: rows, shapes: rows, colors: rows }
     }
 
     /// Puts a disc on `frame` behind the others; a full batch stays as it is.

@@ -6,11 +6,11 @@ use dermis_format::quant::{COMPONENT_MIDDLE, HALF_ROOT};
 use dermis_format::record::{DiscRecord, FullRecord, GroupRecord};
 use dermis_format::{Disc, Full, Records};
 
-use crate::batch::{BATCH, Batch, Frames, OnScreen};
+use crate::batch::{BATCH, Batch, FrameRows, OnScreen};
 use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::harmonics;
-use crate::lanes::{Lanes, MAX_LANES, Row, load, rows_at};
+use crate::lanes::{Lanes, MAX_LANES, Row, lanes_at, load};
 use crate::math::each;
 use crate::project::project;
 use crate::screen::SplatCamera;
@@ -176,10 +176,11 @@ impl Record for FullRecord {
     }
 }
 
-/// The lanes' form of `dermis_format::quant::quaternion_value`, which says what the codes mean.
+/// The lanes' form of `dermis_format::quant::quaternion_value`, which says what the codes mean. `which`:
+/// index of the component left out.
 #[inline(always)]
-fn quaternion<V: Lanes>(greatest: V, others: [V; 3]) -> [V; 4] {
-    let constant = |x: f32| greatest.like(x);
+fn quaternion<V: Lanes>(which: V, others: [V; 3]) -> [V; 4] {
+    let constant = |x: f32| which.like(x);
     let step = constant(HALF_ROOT / COMPONENT_MIDDLE);
     let [a, b, c] = each(
         others,
@@ -188,7 +189,7 @@ fn quaternion<V: Lanes>(greatest: V, others: [V; 3]) -> [V; 4] {
     );
     let rest = constant(1.0) - (a * a + b * b + c * c);
     let root = rest.at_least(constant(0.0)).sqrt();
-    let before = |i: f32| greatest.below(constant(i));
+    let before = |i: f32| which.below(constant(i));
     [
         V::select(before(1.0), root, a),
         V::select(before(1.0), a, V::select(before(2.0), root, b)),
@@ -200,7 +201,7 @@ fn quaternion<V: Lanes>(greatest: V, others: [V; 3]) -> [V; 4] {
 /// Gaussians of one group, on their way from the file to the screen.
 pub struct Coded<'a, R> {
     len: usize,
-    frames: Frames,
+    frames: FrameRows,
     words: [[u32; 4]; BATCH],
     opacity: [f32; BATCH],
     harmonics: [Harmonics<'a>; BATCH],
@@ -216,7 +217,7 @@ impl<'a, R: Record> Coded<'a, R> {
     pub fn new() -> Self {
         Self {
             len: 0,
-            frames: Frames::new(),
+            frames: FrameRows::new(),
             words: [[0; 4]; BATCH],
             opacity: [0.0; BATCH],
             harmonics: [Harmonics::default(); BATCH],
@@ -233,11 +234,15 @@ impl<'a, R: Record> Coded<'a, R> {
         self.len < BATCH && same
     }
 
-    /// Adds a Gaussian that [`Self::takes`]: on the frame of these rows; without them, the world's.
+    /// Adds a Gaussian that [`Self::takes`], on the frame of these rows. Either all Gaussians of a
+    /// `Coded` have a frame or none has; without, they stand in the world's.
     #[inline(always)]
     pub fn push(&mut self, place: &Place<'a, '_>, frame: Option<[&Row; 3]>) {
         let Some(record) = R::all(&place.block.records).get(place.index) else { return };
-        let lane = self.len % BATCH;
+        let lane = self.len;
+        if lane >= BATCH {
+            return;
+        }
         self.group = Some(place.group);
         self.log2_factor = place.log2_factor;
         if let Some(frame) = frame {
@@ -245,9 +250,7 @@ impl<'a, R: Record> Coded<'a, R> {
         }
         self.words[lane] = record.words();
         self.opacity[lane] = place.opacity;
-        if !place.block.harmonics.is_empty() {
-            self.harmonics[lane] = place.harmonics();
-        }
+        self.harmonics[lane] = place.harmonics();
         self.len = lane + 1;
     }
 
@@ -260,7 +263,7 @@ impl<'a, R: Record> Coded<'a, R> {
     /// Gaussians `at..at + V::LEN`, decoded.
     #[inline(always)]
     pub fn decode<V: Lanes>(&self, token: V::Token, at: usize) -> R::Decoded<V> {
-        let words = V::load_word_rows(token, rows_at::<_, V>(&self.words, at));
+        let words = V::load_word_rows(token, lanes_at::<_, V>(&self.words, at));
         let opacity = load(token, &self.opacity, at);
         let none = GroupRecord::default();
         R::decode(token, words, opacity, self.group.unwrap_or(&none))

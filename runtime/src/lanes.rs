@@ -17,18 +17,18 @@ pub type Row = [f32; 4];
 
 /// Those of `LEN` things from `at` on; none where there are fewer.
 #[inline(always)]
-pub(crate) fn rows_at<T, V: Lanes>(rows: &[T], at: usize) -> &[T] {
+pub(crate) fn lanes_at<T, V: Lanes>(rows: &[T], at: usize) -> &[T] {
     rows.get(at..at + V::LEN).unwrap_or(&[])
 }
 
 #[inline(always)]
 pub(crate) fn load<V: Lanes>(token: V::Token, from: &[f32], at: usize) -> V {
-    V::load(token, rows_at::<_, V>(from, at))
+    V::load(token, lanes_at::<_, V>(from, at))
 }
 
 #[inline(always)]
 pub(crate) fn load_rows<V: Lanes>(token: V::Token, from: &[Row], at: usize) -> [V; 4] {
-    V::load_rows(token, rows_at::<_, V>(from, at))
+    V::load_rows(token, lanes_at::<_, V>(from, at))
 }
 
 /// `LEN` numbers side by side. `Token` proves that the CPU has the vector's instructions.
@@ -62,8 +62,8 @@ pub trait Lanes: Single {
     fn store_words(words: Self::Words, to: &mut [u32]);
     /// The integers in the bits of `mask`, which is below 2²⁴, after the words are moved down by `shift`.
     fn field(words: Self::Words, shift: u32, mask: u32) -> Self;
-    /// Numbers in 0..=65,535, rounded down, each moved up by its shift. None may reach the bits of the
-    /// next one.
+    /// Numbers from 0 to below 2²⁴, rounded down, each moved up by its shift. None may reach the bits of
+    /// the next one. A lane with another number gives anything.
     fn pack<const N: usize>(token: Self::Token, fields: [Self; N], shifts: [u32; N])
     -> Self::Words;
     /// Numbers of the same bits.
@@ -141,15 +141,15 @@ impl Lanes for f32 {
 
 /// Rows of four to columns: even and odd elements told apart, twice.
 #[inline(always)]
-fn columns<S: Simd, T: SimdBase<S>>([a, b, c, d]: [T; 4]) -> [T; 4] {
+fn rows_to_columns<S: Simd, T: SimdBase<S>>([a, b, c, d]: [T; 4]) -> [T; 4] {
     let ((xz, yw), (xz_2, yw_2)) = (a.deinterleave(b), c.deinterleave(d));
     let ((x, z), (y, w)) = (xz.deinterleave(xz_2), yw.deinterleave(yw_2));
     [x, y, z, w]
 }
 
-/// The inverse of [`columns`].
+/// The inverse of [`rows_to_columns`].
 #[inline(always)]
-fn rows<S: Simd, T: SimdBase<S>>([x, y, z, w]: [T; 4]) -> [T; 4] {
+fn columns_to_rows<S: Simd, T: SimdBase<S>>([x, y, z, w]: [T; 4]) -> [T; 4] {
     let ((xz, xz_2), (yw, yw_2)) = (x.interleave(z), y.interleave(w));
     let ((a, b), (c, d)) = (xz.interleave(yw), xz_2.interleave(yw_2));
     [a, b, c, d]
@@ -248,7 +248,7 @@ macro_rules! lanes {
             #[inline(always)]
             fn load_rows(token: S, from: &[Row]) -> [Self; 4] {
                 match from.as_flattened().first_chunk::<{ 4 * $len }>() {
-                    Some(from) => columns(each(
+                    Some(from) => rows_to_columns(each(
                         [0, 1, 2, 3],
                         #[inline(always)]
                         |i: usize| Lanes::load(token, &from[i * $len..]),
@@ -259,7 +259,7 @@ macro_rules! lanes {
             #[inline(always)]
             fn store_rows(columns: [Self; 4], to: &mut [Row]) {
                 if let Some(to) = to.as_flattened_mut().first_chunk_mut::<{ 4 * $len }>() {
-                    let rows = rows(columns);
+                    let rows = columns_to_rows(columns);
                     for i in 0..4 {
                         rows[i].store(&mut to[i * $len..]);
                     }
@@ -277,7 +277,7 @@ macro_rules! lanes {
             #[inline(always)]
             fn load_word_rows(token: S, from: &[[u32; 4]]) -> [$unsigned<S>; 4] {
                 match from.as_flattened().first_chunk::<{ 4 * $len }>() {
-                    Some(from) => columns(each(
+                    Some(from) => rows_to_columns(each(
                         [0, 1, 2, 3],
                         #[inline(always)]
                         |i: usize| <Self as Lanes>::load_words(token, &from[i * $len..]),
@@ -301,7 +301,7 @@ macro_rules! lanes {
             fn pack<const N: usize>(token: S, fields: [Self; N], shifts: [u32; N]) -> $unsigned<S> {
                 let mut words = <$signed<S> as SimdBase<S>>::splat(token, 0);
                 for i in 0..N {
-                    // Of numbers from 0 to 65,535 every level makes the same integers.
+                    // Of numbers from 0 to below 2²⁴ every level makes the same integers.
                     let field: $signed<S> = fields[i].to_int();
                     words |= field << shifts[i];
                 }

@@ -18,8 +18,8 @@
 //! Formulas are written once over [`math::Real`], which f32, f64 and the vectors of [`lanes`] are; a
 //! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
-//! Beside that memory a frame takes stack; its largest pieces are 8 KB: the counts of a list's sort, and
-//! a batch of 64 Gaussians.
+//! Beside that memory a frame takes stack: while it projects up to 8 KB for shares and 6 KB for a batch
+//! of 64 Gaussians, while it sorts 8 KB for counts.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!

@@ -67,19 +67,6 @@ pub trait Real:
         (self + rounder) - rounder
     }
 
-    /// The least integer not below x, for |x| < 2²².
-    #[inline(always)]
-    fn ceil(self) -> Self {
-        let near = self.nearest();
-        Self::select(near.below(self), near + self.like(1.0), near)
-    }
-
-    /// The greatest integer not above x, for |x| < 2²².
-    #[inline(always)]
-    fn floor(self) -> Self {
-        -(-self).ceil()
-    }
-
     /// Neither infinite nor NaN.
     #[inline(always)]
     fn finite(self) -> Self::Mask {

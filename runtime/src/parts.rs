@@ -80,7 +80,7 @@ impl Part<'_, '_> {
         let Self { source, blocks, slots, filled, .. } = self;
         for_each_block(source.posed.avatar(), source.plan, |block, region, drawn| {
             if blocks.contains(&index) {
-                let free = slots.from(*filled);
+                let free = slots.behind(*filled);
                 *filled += match block.records {
                     Records::Disc(_) => source.project::<DiscRecord>(block, region, drawn, free),
                     Records::Full(_) => source.project::<FullRecord>(block, region, drawn, free),
@@ -108,7 +108,7 @@ impl Source<'_, '_> {
         let mut filled = 0;
         let mut gathered = Coded::<R>::new();
         let mut flush = |gathered: &mut Coded<'_, R>| {
-            let (kernel, free) = (self.posed.kernel(), slots.from(filled));
+            let (kernel, free) = (self.posed.kernel(), slots.behind(filled));
             let touching = self.camera.splats(kernel, gathered, &self.grid, free);
             filled += touching.count_ones() as usize;
             gathered.clear();

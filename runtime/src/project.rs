@@ -233,6 +233,8 @@ fn pixels<R: Real>(mean: R, square: R, len: R) -> [R; 2] {
 
 /// What the rasterizer blends. A pixel at distance (dx, dy) px from `mean` gets alpha
 /// 2^(log2_opacity − (a dx + b dy)² − (c dy)²).
+///
+/// Three rows of four words: [`screen`](crate::screen) writes them so.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Splat {

@@ -50,8 +50,8 @@ impl SplatCamera {
     }
 
     /// Projects a batch. Fills the first of `slots` with the splats of those that touch a pixel, in their
-    /// order; `grid` are the tiles of their lists. Bit i of what it returns says whether Gaussian i is
-    /// among them. Those for whom there is no room are left out.
+    /// order; `grid` are the tiles of the camera's frame. Bit i of what it returns says whether Gaussian i
+    /// touches a pixel. `slots` must have room for the whole batch: what is beyond is lost, its bits stay.
     #[inline]
     pub fn splats<G: Batch>(
         &self,
@@ -74,15 +74,15 @@ pub struct Slots<'s> {
 }
 
 impl<'s> Slots<'s> {
-    /// Those from `first` on.
-    pub fn from(&mut self, first: usize) -> Slots<'_> {
+    /// Those from index `first` on.
+    pub fn behind(&mut self, first: usize) -> Slots<'_> {
         Slots {
             splats: self.splats.get_mut(first..).unwrap_or(&mut []),
             keys: self.keys.get_mut(first..).unwrap_or(&mut []),
         }
     }
 
-    /// Takes the first `count` out; none if there are fewer.
+    /// Takes the first `count` out. With fewer nothing is taken, and nothing is left.
     pub fn take(&mut self, count: usize) -> Slots<'s> {
         let Self { splats, keys } = core::mem::take(self);
         let (splats, more_splats) = splats.split_at_mut_checked(count).unwrap_or_default();
@@ -91,6 +91,11 @@ impl<'s> Slots<'s> {
         Self { splats, keys }
     }
 }
+
+const _: () = assert!(size_of::<Splat>() == size_of::<[Row; 3]>());
+
+/// Where two u16 that stand one after the other lie in a word.
+const TWO_SHORTS: [u32; 2] = if cfg!(target_endian = "little") { [0, 16] } else { [16, 0] };
 
 struct Project<'b, G> {
     camera: &'b SplatCamera,
@@ -110,7 +115,8 @@ impl<G: Batch> Work for Project<'_, G> {
             |x| V::splat(token, x),
         );
         let camera = SplatCamera { view, low_pass: camera.low_pass };
-        // Row by row: a whole splat would take a way through memory in pieces of other lengths.
+        // Copied row by row, as vectors write it: a load of another width waits for those stores. They are as
+        // long, so this cannot fail.
         let splats: &mut [[Row; 3]] = bytemuck::try_cast_slice_mut(splats).unwrap_or(&mut []);
         let mut slots = splats.iter_mut().zip(keys);
         // In the order of the splat's fields.
@@ -126,8 +132,8 @@ impl<G: Batch> Work for Project<'_, G> {
             let [a, b, c] = projected.falloff;
             let [red, green, blue] = color;
             let [x0, y0, x1, y1] = footprint.bounds;
-            let start = V::of_bits(V::pack(token, [x0, y0], [0, 16]));
-            let end = V::of_bits(V::pack(token, [x1, y1], [0, 16]));
+            let start = V::of_bits(V::pack(token, [x0, y0], TWO_SHORTS));
+            let end = V::of_bits(V::pack(token, [x1, y1], TWO_SHORTS));
             V::store_rows([x, y, a, b], &mut rows[0]);
             V::store_rows([c, footprint.log2_opacity, red, green], &mut rows[1]);
             V::store_rows([blue, projected.depth, start, end], &mut rows[2]);

@@ -11,8 +11,8 @@ const DIGIT: u32 = 10;
 /// or the list stays as it is.
 ///
 /// Two passes of radix sort order it by the leading bits of the depths less the list's least one;
-/// insertion finishes the few pairs that these bits do not tell apart. Where they are many, the
-/// other bits are sorted by first.
+/// insertion finishes the few pairs that these bits do not tell apart. Where they are many, it is
+/// sorted anew by all bits, the lowest digits first.
 pub(crate) fn by_depth(list: &mut [Pair], spare: &mut [Pair]) {
     if list.len() <= SHORT {
         insert(list, usize::MAX);
@@ -25,9 +25,9 @@ pub(crate) fn by_depth(list: &mut [Pair], spare: &mut [Pair]) {
     let bits = u32::BITS - (greatest - least).leading_zeros();
     // A digit has no more values than there are pairs, so that counting costs no more than moving.
     let width = list.len().ilog2().saturating_sub(1).min(DIGIT).min(bits.div_ceil(2));
-    let leading = bits.saturating_sub(2 * width);
-    by_two_digits(list, spare, least, leading, width);
-    if leading > 0 && !insert(list, list.len()) {
+    let left_out = bits.saturating_sub(2 * width);
+    by_two_digits(list, spare, least, left_out, width);
+    if left_out > 0 && !insert(list, list.len()) {
         let mut low = 0;
         while low < bits {
             by_two_digits(list, spare, least, low, width);

@@ -39,12 +39,6 @@ impl TileGrid {
         [along(index % columns, self.width), along(index / columns, self.height)]
     }
 
-    /// Index of the tile of a pixel.
-    #[inline(always)]
-    pub const fn tile_at(&self, column: u32, row: u32) -> u32 {
-        row / TILE * self.columns + column / TILE
-    }
-
     /// Calls `visit` with the index of each tile that `bounds` meet, ascending. Bounds: first column
     /// and row of pixels, then one past the last ones.
     #[inline(always)]

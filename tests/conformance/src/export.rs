@@ -9,6 +9,9 @@ use crate::draw::{Error, pose};
 /// Its column of the table.
 pub const COLUMN: &str = "exported";
 
+/// Words of a record.
+const RECORD: usize = size_of::<PosedGaussian>() / 4;
+
 /// CRC32 of the Gaussians of a case: those that its camera sees, then those of all sides.
 pub fn export(
     case: &Case,
@@ -18,7 +21,7 @@ pub fn export(
 ) -> Result<u32, Error> {
     // Records are made of words.
     let records: &mut [PosedGaussian] =
-        bytemuck::try_cast_slice_mut(records.as_chunks_mut::<16>().0).unwrap_or_default();
+        bytemuck::try_cast_slice_mut(records.as_chunks_mut::<RECORD>().0).unwrap_or_default();
     let eye = case.view.camera(case.size).position();
     pose(case, kernel, scratch, |posed, plan, _| {
         let mut hasher = Hasher::new();

@@ -10,7 +10,8 @@ use crate::cases::Case;
 pub struct How {
     /// Of the framebuffer: a column of the table.
     pub format: Format,
-    /// In how many bands of tile rows; at least 1. They may be drawn by as many threads.
+    /// At most so many bands of tile rows, and shares of the projection; at least 1. They may be drawn by
+    /// as many threads.
     pub bands: u32,
     /// With which instructions.
     pub kernel: Kernel,

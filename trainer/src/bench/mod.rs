@@ -221,7 +221,7 @@ fn first_frame(
 }
 
 /// Frames before the one that counts, where several threads draw and where one does beside them.
-const WAKING_FRAMES: usize = 10;
+const WARMING_FRAMES: usize = 10;
 
 /// One frame of a row, and what it is compared with in the same round.
 fn round_of(
@@ -236,14 +236,14 @@ fn round_of(
         (scene.timed(kernel, team, clock, memory)?.0, Milliseconds::default())
     } else {
         let ms = team.awake(|| {
-            // Threads that slept meanwhile are awake for the frame that counts.
-            for _ in 0..WAKING_FRAMES {
+            // Their caches are warm for the frame that counts.
+            for _ in 0..WARMING_FRAMES {
                 scene.timed(kernel, team, clock, memory)?;
             }
             Ok::<_, anyhow::Error>(scene.timed(kernel, team, clock, memory)?.0)
         })?;
-        // As awake, and its caches as warm.
-        for _ in 0..WAKING_FRAMES {
+        // Its caches as warm.
+        for _ in 0..WARMING_FRAMES {
             scene.timed(kernel, &Team::ONE, Clock::Wall, memory)?;
         }
         (ms, scene.timed(kernel, &Team::ONE, Clock::Wall, memory)?.0)

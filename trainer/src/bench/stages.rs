@@ -42,7 +42,7 @@ pub struct Memory {
 pub struct Work {
     /// Gaussians of the plan.
     pub gaussians_selected: u32,
-    /// Those that touch a pixel's bounds.
+    /// Those whose bounds hold a pixel of the frame.
     pub gaussians_visible: u32,
     /// Of the pixels.
     pub counts: Counts,

@@ -70,25 +70,34 @@ impl Team {
     }
 
     /// Does `work` on one of the threads, while the others look for work of it without falling asleep:
-    /// waking takes longer here than a whole frame, and a renderer that wants its frames keeps its
-    /// threads awake.
+    /// where waking takes as long as a frame it would be counted against the bands, and a renderer that
+    /// wants its frames keeps its threads awake. One call at a time: two would wait for each other's
+    /// thread for ever.
     pub fn awake<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         let Some(pool) = &self.pool else { return work() };
         let (awake, done) = (AtomicUsize::new(1), AtomicBool::new(false));
+        // More threads than cores must let each other go on.
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let pause: fn() =
+            if self.threads <= cores { std::hint::spin_loop } else { std::thread::yield_now };
         pool.scope(|scope| {
             for _ in 1..self.threads {
                 scope.spawn(|_| {
                     awake.fetch_add(1, Ordering::SeqCst);
+                    // Nobody looks for work until all have a task like this: it could be another's.
+                    while awake.load(Ordering::SeqCst) < self.threads {
+                        pause();
+                    }
                     while !done.load(Ordering::SeqCst) {
                         if rayon::yield_now() != Some(rayon::Yield::Executed) {
-                            std::hint::spin_loop();
+                            pause();
                         }
                     }
                 });
             }
-            // Once each of the others has such a task, this thread cannot take one while it waits for them.
+            // Nor does this thread, which may not take one while it waits for others.
             while awake.load(Ordering::SeqCst) < self.threads {
-                std::hint::spin_loop();
+                pause();
             }
             let _ends = End(&done);
             work()
