@@ -204,6 +204,8 @@ pub struct Coded<'a, R> {
     frames: FrameRows,
     words: [[u32; 4]; BATCH],
     opacity: [f32; BATCH],
+    /// Whether `harmonics` are theirs: all of a group have some, or none has.
+    has_harmonics: bool,
     harmonics: [Harmonics<'a>; BATCH],
     /// Ranges of the codes; none if there are no Gaussians.
     group: Option<&'a GroupRecord>,
@@ -220,6 +222,7 @@ impl<'a, R: Record> Coded<'a, R> {
             frames: FrameRows::new(),
             words: [[0; 4]; BATCH],
             opacity: [0.0; BATCH],
+            has_harmonics: false,
             harmonics: [Harmonics::default(); BATCH],
             group: None,
             log2_factor: 0.0,
@@ -250,7 +253,10 @@ impl<'a, R: Record> Coded<'a, R> {
         }
         self.words[lane] = record.words();
         self.opacity[lane] = place.opacity;
-        self.harmonics[lane] = place.harmonics();
+        self.has_harmonics = !place.block.harmonics.is_empty();
+        if self.has_harmonics {
+            self.harmonics[lane] = place.harmonics();
+        }
         self.len = lane + 1;
     }
 
@@ -291,12 +297,12 @@ impl<R: Record> Batch for Coded<'_, R> {
         let decoded = self.decode(token, at);
         let frame = self.frames.load(token, at);
         let (center, seen) = R::project(decoded, V::splat(token, self.log2_factor), &frame, camera);
-        let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
-        let color = if harmonics.first().is_none_or(|first| first.codes.is_empty()) {
-            harmonics::not_below_zero(seen.color)
-        } else {
+        let color = if self.has_harmonics {
+            let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
             let direction = harmonics::direction(center, camera.view.eye);
             harmonics::color(seen.color, coefficients(token, harmonics), direction)
+        } else {
+            harmonics::not_below_zero(seen.color)
         };
         OnScreen { color, ..seen }
     }
