@@ -84,8 +84,8 @@ pub struct Rig {
     pub clips: Vec<Clip>,
 }
 
-/// Joint.
-#[derive(Clone, Debug, Default)]
+/// Joint; by default a root that is neither moved, nor turned, nor scaled.
+#[derive(Clone, Debug)]
 pub struct Joint {
     /// Name.
     pub name: String,
@@ -97,6 +97,18 @@ pub struct Joint {
     pub rotation: [f32; 4],
     /// At rest.
     pub scale: [f32; 3],
+}
+
+impl Default for Joint {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            parent: None,
+            translation: [0.0; 3],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            scale: [1.0; 3],
+        }
+    }
 }
 
 /// Animation.

@@ -61,13 +61,7 @@ fn rigged() -> Source {
         default_weight: 0.5,
         deltas: vec![(1, [0.0, 0.1, 0.0])],
     }];
-    let joint = |parent| Joint {
-        name: "joint".into(),
-        parent,
-        translation: [0.0; 3],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        scale: [1.0; 3],
-    };
+    let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
     let channel =
         |property, holds, values: &[f32]| Channel { property, holds, values: values.to_vec() };
     source.rig = Rig {

@@ -53,8 +53,7 @@ fn ribbon() -> Source {
         name: name.into(),
         parent,
         translation: [0.0, y, 0.0],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        scale: [1.0; 3],
+        ..Joint::default()
     };
     let inverse = |y: f32| [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, -y], [0.0, 0.0, 1.0, 0.0]];
     // Upright, 45° about x, 45° about z.

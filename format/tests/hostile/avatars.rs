@@ -140,8 +140,7 @@ pub(crate) fn rigged() -> Source {
         name: name.into(),
         parent,
         translation: [0.0, 0.5, 0.0],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        scale: [1.0; 3],
+        ..Joint::default()
     };
     source.mesh.influences = (0..5)
         .map(|i| [(0, 0.25 * i as f32), (1, 1.0 - 0.25 * i as f32), (0, 0.0), (0, 0.0)])

@@ -6,7 +6,7 @@ use crate::lanes::Lanes;
 use crate::tiles::TILE;
 
 /// A pixel has the depth of the first splat behind which T is below this.
-pub const MEDIAN_TRANSMITTANCE: f32 = 0.5;
+const MEDIAN_TRANSMITTANCE: f32 = 0.5;
 
 /// Median depths of a tile's pixels, row by row: z in camera axes, metres.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

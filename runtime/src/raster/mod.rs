@@ -10,11 +10,11 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::kernel::Kernel;
 use crate::lists::Pair;
-use crate::math::{Real, Single, exp2_of_alpha};
+use crate::math::{Real, Single, exp2_in_range};
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::TILE;
 
-pub use depth::{MEDIAN_TRANSMITTANCE, TileDepths};
+pub use depth::TileDepths;
 pub use scalar::row_span;
 
 use depth::{Keep, NoDepths};
@@ -99,7 +99,7 @@ pub fn draw_tile(
 }
 
 /// The same, and the depth of each pixel that is no longer half transparent; the others' stay.
-pub fn draw_tile_with_depths(
+pub(crate) fn draw_tile_with_depths(
     kernel: Kernel,
     splats: &[Splat],
     order: &[Pair],
@@ -145,7 +145,7 @@ fn exponent<R: Real>(room: R, a_dx: R, b_dy: R) -> R {
 #[inline(always)]
 pub fn alpha<S: Single>(log2_alpha: S) -> (S, S::Mask) {
     let touches = log2_alpha.reaches(log2_alpha.like(LEAST_LOG2_ALPHA));
-    let alpha = exp2_of_alpha(log2_alpha);
+    let alpha = exp2_in_range(log2_alpha);
     // Where it does not touch, alpha may be anything.
     (alpha.least(alpha.like(GREATEST_ALPHA)), touches)
 }

@@ -3,7 +3,7 @@
 
 use dermis_runtime::kernel::Work;
 use dermis_runtime::lanes::{Lanes, MAX_LANES};
-use dermis_runtime::math::exp2_of_alpha;
+use dermis_runtime::math::exp2_in_range;
 use dermis_runtime::{Kernel, Level};
 use fearless_simd::{Simd, dispatch, f32x4, f32x8, f32x16};
 
@@ -175,7 +175,7 @@ impl Work for Bounded<'_> {
             let (p, x) = (V::load(token, p), V::load(token, x));
             let [m, n] = x.mantissa_and_exponent();
             let rounded = p + p.like(dermis_runtime::math::ROUNDER);
-            for value in [exp2_of_alpha(p), m, n, m.times_power_of_two(rounded), m.least(x)] {
+            for value in [exp2_in_range(p), m, n, m.times_power_of_two(rounded), m.least(x)] {
                 push(value, &mut outcomes);
             }
         }

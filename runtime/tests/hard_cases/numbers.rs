@@ -156,13 +156,7 @@ pub(crate) fn rigged() -> Source {
         default_weight: 0.0,
         deltas: (3..6).map(|v| (v, [0.0, 0.5, 0.0])).collect(),
     }];
-    let joint = |parent| Joint {
-        name: "joint".into(),
-        parent,
-        translation: [0.0; 3],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        scale: [1.0; 3],
-    };
+    let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
     source.rig = Rig {
         joints: vec![joint(None), joint(Some(0))],
         binds: vec![(0, IDENTITY), (1, IDENTITY)],

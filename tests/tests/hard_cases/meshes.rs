@@ -91,13 +91,7 @@ fn limb(two_sided: bool) -> Source {
     source.mesh.two_sided = vec![two_sided; 4];
     let one = |bind| [(bind, 1.0), (1 - bind, 0.0), (0, 0.0), (0, 0.0)];
     source.mesh.influences = (0..12).map(|vertex| one(u16::from(vertex >= 6))).collect();
-    let joint = |parent| Joint {
-        name: "joint".into(),
-        parent,
-        translation: [0.0; 3],
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        scale: [1.0; 3],
-    };
+    let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
     source.rig = Rig {
         joints: vec![joint(None), joint(Some(0))],
         binds: vec![(0, IDENTITY), (1, IDENTITY)],

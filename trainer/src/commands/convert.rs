@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     output.finish(&bytes)?;
     if left_out != LeftOut::default() {
         eprintln!(
-            "{name}: left out {} Gaussians that are never seen: {faint} of an opacity under 1.5/255, \
+            "{name}: left out {} Gaussians: {faint} of an opacity under 1.5/255, which are never drawn, \
              {wild} with numbers that are not finite or too great",
             faint + wild
         );
