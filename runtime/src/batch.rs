@@ -9,6 +9,7 @@ use crate::frame::Frame;
 use crate::gaussian::disc_on;
 use crate::harmonics::not_below_zero;
 use crate::lanes::{Lanes, Row, load_rows};
+use crate::math::Real;
 use crate::project::{Projected, project};
 use crate::screen::SplatCamera;
 
@@ -31,15 +32,16 @@ pub trait Batch {
 }
 
 /// Gaussians on the screen.
-pub struct OnScreen<V: Lanes> {
+#[derive(Clone, Copy, Debug)]
+pub struct OnScreen<R: Real> {
     /// Where, and how wide.
-    pub projected: Projected<V>,
+    pub projected: Projected<R>,
     /// Which can be drawn.
-    pub drawable: V::Mask,
+    pub drawable: R::Mask,
     /// Before the low-pass.
-    pub opacity: V,
+    pub opacity: R,
     /// Display-referred sRGB seen from the eye, not below 0.
-    pub color: [V; 3],
+    pub color: [R; 3],
 }
 
 /// The frame of each Gaussian of a batch: first, second and third rows of [`Frame::rows`].

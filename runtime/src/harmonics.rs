@@ -1,6 +1,6 @@
 //! Colour by direction: real spherical harmonics up to degree 3, in 3D Gaussian Splatting's order.
 
-use crate::math::{Real, Scalar, add, dot, each, scale, sub};
+use crate::math::{Real, add, dot, each, scale, sub};
 use crate::select::Harmonics;
 
 // √(1/π) times rationals and roots: the normalization of the real harmonics.
@@ -26,13 +26,8 @@ pub fn color<R: Real>(
 
 impl Harmonics<'_> {
     /// Colour of a Gaussian at `center` seen from `eye`, whose constant term is `constant`.
-    pub fn seen<R: Scalar + 'static>(
-        &self,
-        constant: [R; 3],
-        center: [R; 3],
-        eye: [R; 3],
-    ) -> [R; 3] {
-        color(constant, self.values(), direction(center, eye))
+    pub fn seen<R: Real + 'static>(&self, constant: [R; 3], center: [R; 3], eye: [R; 3]) -> [R; 3] {
+        color(constant, self.values(constant[0]), direction(center, eye))
     }
 }
 

@@ -9,6 +9,7 @@ use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::kernel::{Kernel, Work};
 use crate::lanes::{Lanes, MAX_LANES, Row};
 use crate::lists::ListKey;
+use crate::math::Real;
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};
 use crate::tiles::TileGrid;
@@ -22,30 +23,42 @@ pub struct SplatCamera<R = f32> {
     pub low_pass: LowPass,
 }
 
-impl SplatCamera {
-    /// The splat of a Gaussian on its frame; `None` if it touches no pixel.
-    pub fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
+impl<R: Real + 'static> SplatCamera<R> {
+    /// A Gaussian on its frame, on the screen.
+    pub fn on_screen(&self, selected: &Selected<'_>, frame: &Frame<R>) -> OnScreen<R> {
+        let number = |x: f32| self.view.eye[0].like(x);
         match &selected.gaussian {
             Local::Disc(disc) => {
-                let ellipsoid = disc_on(frame, disc.position, disc.angle, disc.log2_scale);
-                self.pack(&ellipsoid, disc.opacity, disc.color, &selected.harmonics)
+                let (position, scales) = (disc.position.map(number), disc.log2_scale.map(number));
+                let ellipsoid = disc_on(frame, position, number(disc.angle), scales);
+                self.seen(&ellipsoid, disc.opacity, disc.color, &selected.harmonics)
             }
             Local::Full(full) => {
-                let ellipsoid = full_on(frame, full.position, full.rotation, full.log2_scale);
-                self.pack(&ellipsoid, full.opacity, full.color, &selected.harmonics)
+                let (position, scales) = (full.position.map(number), full.log2_scale.map(number));
+                let ellipsoid = full_on(frame, position, full.rotation.map(number), scales);
+                self.seen(&ellipsoid, full.opacity, full.color, &selected.harmonics)
             }
         }
     }
 
-    fn pack<const N: usize>(
+    fn seen<const N: usize>(
         &self,
-        ellipsoid: &Ellipsoid<f32, N>,
+        ellipsoid: &Ellipsoid<R, N>,
         opacity: f32,
         color: [f32; 3],
         harmonics: &Harmonics<'_>,
-    ) -> Option<Splat> {
+    ) -> OnScreen<R> {
+        let number = |x: f32| self.view.eye[0].like(x);
         let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
-        let color = harmonics.seen(color, ellipsoid.center, self.view.eye);
+        let color = harmonics.seen(color.map(number), ellipsoid.center, self.view.eye);
+        OnScreen { projected, drawable, opacity: number(opacity), color }
+    }
+}
+
+impl SplatCamera {
+    /// The splat of a Gaussian on its frame; `None` if it touches no pixel.
+    pub fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
+        let OnScreen { projected, drawable, opacity, color } = self.on_screen(selected, frame);
         Splat::pack(&self.view, &projected, opacity, color).filter(|_| drawable)
     }
 

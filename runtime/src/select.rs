@@ -4,7 +4,7 @@ use dermis_format::quant::opacity_value;
 use dermis_format::record::GroupRecord;
 use dermis_format::{Avatar, Block, Disc, Full, Records, order};
 
-use crate::math::Scalar;
+use crate::math::Real;
 use crate::plan::{Plan, RegionPlan};
 
 /// Gaussians of less opacity are not in a level's occupancy (LapisGS, 3.1).
@@ -55,14 +55,14 @@ pub struct Harmonics<'a> {
 }
 
 impl Harmonics<'_> {
-    /// (r, g, b) of one coefficient after the other.
-    pub fn values<R: Scalar + 'static>(&self) -> impl Iterator<Item = [R; 3]> + '_ {
-        let step = R::of(self.step);
+    /// (r, g, b) of one coefficient after the other, numbers like `number`.
+    pub fn values<R: Real + 'static>(&self, number: R) -> impl Iterator<Item = [R; 3]> + '_ {
+        let step = number.like(self.step);
         self.codes
             .as_chunks::<3>()
             .0
             .iter()
-            .map(move |codes| codes.map(|code| R::of(f32::from(code)) * step))
+            .map(move |codes| codes.map(|code| number.like(f32::from(code)) * step))
     }
 }
 

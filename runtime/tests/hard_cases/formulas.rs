@@ -115,7 +115,7 @@ fn harmonics_are_those_of_gaussian_splatting() {
             let mut codes = [0i8; 45];
             codes[number * 3 + channel] = 2;
             let harmonics = Harmonics { codes: &codes, step: 0.5 };
-            let color: [f64; 3] = harmonics::color([4.0; 3], harmonics.values(), direction);
+            let color: [f64; 3] = harmonics::color([4.0; 3], harmonics.values(0.0), direction);
             for (i, found) in color.into_iter().enumerate() {
                 let expected = if i == channel { expected } else { 0.0 };
                 near(found - 4.0, expected, 1e-6);
@@ -124,7 +124,7 @@ fn harmonics_are_those_of_gaussian_splatting() {
     }
     // Not below 0.
     let harmonics = Harmonics { codes: &[0, 0, 0, 127, -127, 0], step: 1.0 };
-    assert_eq!(harmonics::color([0.0; 3], harmonics.values(), [0.0f64, 0.0, -1.0])[0], 0.0);
+    assert_eq!(harmonics::color([0.0; 3], harmonics.values(0.0), [0.0f64, 0.0, -1.0])[0], 0.0);
 }
 
 /// The direction goes from the camera to the Gaussian, in world axes, and coefficients reach it

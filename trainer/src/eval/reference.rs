@@ -8,17 +8,17 @@
 mod own;
 
 use anyhow::{Result, ensure};
-use dermis_format::{FrameKind, LowPass};
+use dermis_format::FrameKind;
+use dermis_runtime::batch::OnScreen;
 use dermis_runtime::frame::Frame;
-use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::lists::Pair;
 use dermis_runtime::math::Real;
-use dermis_runtime::project::{Splat, View, footprint, project};
+use dermis_runtime::project::{Splat, View, footprint};
 use dermis_runtime::raster::{
     CLEAR, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha,
 };
 use dermis_runtime::screen::SplatCamera;
-use dermis_runtime::select::{Local, Selected, for_each_block, for_each_of_block};
+use dermis_runtime::select::{Selected, for_each_block, for_each_of_block};
 use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
@@ -74,7 +74,7 @@ pub fn draw_reference(
 fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
     let low_pass = posed.avatar().header().low_pass;
     let screen = SplatCamera { view: View::new(camera), low_pass };
-    let view = View::<f64>::new(camera);
+    let exact_screen = SplatCamera::<f64> { view: View::new(camera), low_pass };
     let mut exact = Vec::new();
     let shows = |triangle| posed.shows(triangle, screen.view.eye);
     for_each_block(posed.avatar(), plan, |block, region, drawn| {
@@ -84,7 +84,7 @@ fn exact_splats(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exac
             if screen.splat(&selected, &frame).is_some() {
                 let frame = place.triangle.and_then(|triangle| exact_frame(posed, triangle));
                 let frame = frame.unwrap_or_else(Frame::world);
-                let splat = exact_splat(&view, low_pass, &selected, &frame);
+                let splat = exact_splat(&exact_screen, &selected, &frame);
                 exact.push(splat.unwrap_or(Exact::INVISIBLE));
             }
         });
@@ -114,43 +114,12 @@ fn exact_frame(posed: &Posed<'_, '_>, triangle: u32) -> Option<Frame<f64>> {
 
 /// None where it cannot be drawn.
 fn exact_splat(
-    view: &View<f64>,
-    low_pass: LowPass,
+    screen: &SplatCamera<f64>,
     selected: &Selected<'_>,
     frame: &Frame<f64>,
 ) -> Option<Exact> {
-    match &selected.gaussian {
-        Local::Disc(disc) => {
-            let angle = f64::from(disc.angle);
-            let ellipsoid =
-                disc_on(frame, disc.position.map(f64::from), angle, disc.log2_scale.map(f64::from));
-            let color = disc.color.map(f64::from);
-            let color = selected.harmonics.seen(color, ellipsoid.center, view.eye);
-            packed(view, low_pass, &ellipsoid, disc.opacity, color)
-        }
-        Local::Full(full) => {
-            let ellipsoid = full_on(
-                frame,
-                full.position.map(f64::from),
-                full.rotation.map(f64::from),
-                full.log2_scale.map(f64::from),
-            );
-            let color = full.color.map(f64::from);
-            let color = selected.harmonics.seen(color, ellipsoid.center, view.eye);
-            packed(view, low_pass, &ellipsoid, full.opacity, color)
-        }
-    }
-}
-
-fn packed<const N: usize>(
-    view: &View<f64>,
-    low_pass: LowPass,
-    ellipsoid: &Ellipsoid<f64, N>,
-    opacity: f32,
-    color: [f64; 3],
-) -> Option<Exact> {
-    let (p, drawable) = project(view, low_pass, ellipsoid);
-    let (footprint, is_seen) = footprint(view, &p, f64::from(opacity));
+    let OnScreen { projected: p, drawable, opacity, color } = screen.on_screen(selected, frame);
+    let (footprint, is_seen) = footprint(&screen.view, &p, opacity);
     drawable.then_some(Exact {
         mean: p.mean,
         falloff: p.falloff,

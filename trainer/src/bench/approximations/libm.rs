@@ -5,7 +5,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use dermis_runtime::math::Real;
 
 /// A number of the front end.
-pub(super) trait Number: Real<Mask = bool> {
+pub(super) trait Number: Real<Mask = bool> + 'static {
     fn of(x: f32) -> Self;
     fn get(self) -> f32;
 }

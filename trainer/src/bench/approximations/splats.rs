@@ -1,10 +1,10 @@
 //! Splats and their lists, one after the other.
 
-use dermis_format::{Full, LowPass};
+use dermis_runtime::batch::OnScreen;
 use dermis_runtime::frame::Frame;
-use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::lists::Pair;
-use dermis_runtime::project::{Projected, Splat, View, footprint, project};
+use dermis_runtime::project::{Projected, Splat, View, footprint};
+use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
 use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Camera, Plan, Posed};
@@ -32,8 +32,7 @@ pub(super) enum From<'s> {
 
 /// What turns Gaussians into splats.
 struct Projector<N> {
-    view: View<N>,
-    low_pass: LowPass,
+    camera: SplatCamera<N>,
     /// Whether alphas under the runtime's least are drawn, too.
     faint: bool,
 }
@@ -47,14 +46,16 @@ pub(super) fn splats<N: Number>(
 ) -> Vec<Splat> {
     let view = View::<f32>::new(camera);
     let low_pass = posed.avatar().header().low_pass;
-    let projector = Projector { view: view.map(N::of), low_pass, faint };
+    let projector = Projector { camera: SplatCamera { view: view.map(N::of), low_pass }, faint };
     let mut splats = Vec::new();
     match from {
         From::Source(source) => {
             let (world, none) = (Frame::world(), Harmonics::default());
-            splats.extend(
-                source.gaussians.iter().filter_map(|full| projector.full(full, &world, &none)),
-            );
+            let selected = source
+                .gaussians
+                .iter()
+                .map(|&full| Selected { gaussian: Local::Full(full), harmonics: none });
+            splats.extend(selected.filter_map(|selected| projector.splat(&selected, &world)));
         }
         From::File { plan, back_faces } => {
             let shows = |triangle| {
@@ -77,47 +78,19 @@ pub(super) fn splats<N: Number>(
 
 impl<N: Number> Projector<N> {
     fn splat(&self, selected: &Selected<'_>, frame: &Frame<f32>) -> Option<Splat> {
-        match &selected.gaussian {
-            Local::Disc(disc) => {
-                let ellipsoid = disc_on(
-                    &frame_of(frame),
-                    disc.position.map(N::of),
-                    N::of(disc.angle),
-                    disc.log2_scale.map(N::of),
-                );
-                self.pack(&ellipsoid, disc.opacity, disc.color, &selected.harmonics)
-            }
-            Local::Full(full) => self.full(full, frame, &selected.harmonics),
-        }
-    }
-
-    fn full(&self, full: &Full, frame: &Frame<f32>, harmonics: &Harmonics<'_>) -> Option<Splat> {
-        let ellipsoid = full_on(
-            &frame_of(frame),
-            full.position.map(N::of),
-            full.rotation.map(N::of),
-            full.log2_scale.map(N::of),
-        );
-        self.pack(&ellipsoid, full.opacity, full.color, harmonics)
-    }
-
-    fn pack<const AXES: usize>(
-        &self,
-        ellipsoid: &Ellipsoid<N, AXES>,
-        opacity: f32,
-        color: [f32; 3],
-        harmonics: &Harmonics<'_>,
-    ) -> Option<Splat> {
-        let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
-        let color = harmonics.seen(color, ellipsoid.center.map(N::get), self.view.eye.map(N::get));
-        let (footprint, touches) = footprint(&self.view, &projected, N::of(opacity));
-        let (bounds, touches) =
-            if self.faint { self.reach(&projected, opacity) } else { (footprint.bounds, touches) };
+        let OnScreen { projected, drawable, opacity, color } =
+            self.camera.on_screen(selected, &frame_of(frame));
+        let (footprint, touches) = footprint(&self.camera.view, &projected, opacity);
+        let (bounds, touches) = if self.faint {
+            self.reach(&projected, opacity.get())
+        } else {
+            (footprint.bounds, touches)
+        };
         (drawable && touches).then(|| Splat {
             mean: projected.mean.map(N::get),
             falloff: projected.falloff.map(N::get),
             log2_opacity: footprint.log2_opacity.get(),
-            color,
+            color: color.map(N::get),
             depth: projected.depth.get(),
             bounds: bounds.map(|edge| edge.get() as u16),
         })
@@ -126,7 +99,7 @@ impl<N: Number> Projector<N> {
     /// Pixels that get at least 2⁻²⁴: as many as a Gaussian 2¹⁶ times as opaque touches.
     fn reach(&self, projected: &Projected<N>, opacity: f32) -> ([N; 4], bool) {
         let opaque = N::of(opacity * ::libm::exp2f(FAINTER_LOG2));
-        let (footprint, touches) = footprint(&self.view, projected, opaque);
+        let (footprint, touches) = footprint(&self.camera.view, projected, opaque);
         (footprint.bounds, touches)
     }
 }

@@ -7,6 +7,7 @@ use anyhow::Result;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::project::View;
 use dermis_runtime::raster::LEAST_TRANSMITTANCE;
+use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::{for_each_block, for_each_of_block};
 use dermis_runtime::tiles::{TILE, TileGrid};
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed};
@@ -55,7 +56,8 @@ pub fn draw_own_reference(
 /// The Gaussians of the plan that can be seen, in the order of the file.
 fn visible(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
     let avatar = posed.avatar();
-    let view = View::<f64>::new(camera);
+    let low_pass = avatar.header().low_pass;
+    let screen = SplatCamera::<f64> { view: View::new(camera), low_pass };
     let mut splats = Vec::new();
     let frame_of = |triangle: Option<u32>| {
         triangle.map_or(Some(Frame::world()), |triangle| exact_frame(posed, triangle))
@@ -63,14 +65,14 @@ fn visible(posed: &Posed<'_, '_>, plan: &Plan, camera: &Camera) -> Vec<Exact> {
     let shows = |triangle| {
         let kind = avatar.header().frame;
         let two_sided = avatar.is_two_sided(triangle as usize);
-        frame_of(Some(triangle)).is_some_and(|frame| frame.shows(kind, two_sided, view.eye))
+        frame_of(Some(triangle)).is_some_and(|frame| frame.shows(kind, two_sided, screen.view.eye))
     };
     for_each_block(avatar, plan, |block, region, drawn| {
         for_each_of_block(block, region, drawn, shows, |place| {
             let Some((selected, frame)) = place.decode().zip(frame_of(place.triangle)) else {
                 return;
             };
-            let splat = exact_splat(&view, avatar.header().low_pass, &selected, &frame);
+            let splat = exact_splat(&screen, &selected, &frame);
             splats.extend(splat.filter(|splat| splat.is_seen));
         });
     });
