@@ -5,7 +5,7 @@ use core::ops::{Add, Mul, Sub};
 use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
 
 /// A flat disc in the frame of its triangle, or several side by side. Lengths in units of the frame's size.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Disc<F = f32> {
     /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
     /// the plane, y along the normal. World: the world's axes, metres.

@@ -94,6 +94,24 @@ impl Kernel {
     }
 }
 
+impl Kernel {
+    /// Does `work` eight numbers at a time, whatever vectors this kernel has: sums over lanes then have
+    /// the same bits by every kernel.
+    #[inline]
+    pub fn run_by_eights<W: Work>(self, work: W) -> W::Output {
+        let level = match self {
+            Self::Scalar => Level::baseline(),
+            Self::Simd(level) => level,
+        };
+        dispatch!(level, simd => in_eight_lanes(simd, work))
+    }
+}
+
+#[inline(always)]
+fn in_eight_lanes<S: Simd, W: Work>(simd: S, work: W) -> W::Output {
+    work.run::<f32x8<S>>(simd)
+}
+
 #[inline(always)]
 fn in_native_lanes<S: Simd, W: Work>(simd: S, work: W) -> W::Output {
     match S::f32s::LEN {

@@ -6,7 +6,8 @@ use dermis_trainer::draw::{draw, rgb_of};
 use dermis_trainer::eval::reference::draw_reference;
 use dermis_trainer::metrics::psnr::psnr_db;
 use dermis_trainer::model::Model;
-use dermis_trainer::optimize::forward::{self, Prefix};
+use dermis_trainer::optimize::cloud::Prefix;
+use dermis_trainer::optimize::forward;
 use dermis_trainer::options::Options;
 use dermis_trainer::scene::{self, Painter, RigScale};
 use dermis_trainer::train::{Trained, key_frames, runtime_pose};
@@ -73,7 +74,7 @@ pub fn cost_of_packing(
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let painter = Painter::new(model);
     let plan = Plan::with_budget(&avatar, count);
-    let prefix = Prefix::of(count, trained.cloud.len() as u32);
+    let prefix = Prefix::of(count, &trained.cloud);
     let mut sum = Cost::default();
     let mut pictures = 0.0;
     for frame in key_frames(model, options).expect("its clips exist") {

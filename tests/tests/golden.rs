@@ -90,9 +90,9 @@ fn ribbon() -> Source {
             name: "all".into(),
             layers: cloud.layers.clone(),
             gaussians: Gaussians::Disc(
-                cloud.gaussians.iter().map(|g| g.parameters.disc()).collect::<Vec<Disc>>(),
+                cloud.full().iter().map(Parameters::disc).collect::<Vec<Disc>>(),
             ),
-            triangles: cloud.gaussians.iter().map(|g| g.triangle).collect(),
+            triangles: cloud.triangles.clone(),
             ..Region::default()
         }],
         mathematics: Mathematics::default(),

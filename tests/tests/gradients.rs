@@ -13,9 +13,10 @@ use dermis_runtime::math::{dot, rotation_rows};
 use dermis_runtime::project::{View, project};
 use dermis_runtime::raster::{LEAST_TRANSMITTANCE, alpha, log2_alpha};
 use dermis_trainer::optimize::backward::by_splats;
-use dermis_trainer::optimize::cloud::{Cloud, Freedom, PARAMETERS, Parameters, Seed};
-use dermis_trainer::optimize::forward::{Forward, Prefix, Stage, draw};
-use dermis_trainer::optimize::projection::{ByScreen, by_disc, by_parameters};
+use dermis_trainer::optimize::cloud::{Cloud, Freedom, PARAMETERS, Parameters, Prefix, Seed};
+use dermis_trainer::optimize::discs::{BATCH, ByDiscs};
+use dermis_trainer::optimize::forward::{Forward, Stage, draw};
+use dermis_trainer::optimize::projection::{ByScreen, by_disc};
 use dermis_trainer::optimize::schedule::Random;
 
 const KINDS: [LowPass; 2] = [LowPass::Compensated, LowPass::Classic];
@@ -153,8 +154,8 @@ struct Scene {
 }
 
 impl Scene {
-    /// `sigmas` bound the standard deviations in units of the triangles' size, about 14 px.
-    fn new(low_pass: LowPass, sigmas: [f32; 2], opacities: [f32; 2]) -> Self {
+    /// Levels have parameters of their own or not; `sigmas` bound the standard deviations in units of the triangles' size, about 14 px.
+    fn new(low_pass: LowPass, own_levels: bool, sigmas: [f32; 2], opacities: [f32; 2]) -> Self {
         let mut random = Random::new(11);
         let mut jitter = || between(&mut random, -0.08, 0.08);
         // At z = 0 the camera at z = 2 sees 1 m as 24 px.
@@ -197,12 +198,23 @@ impl Scene {
         let pixels = (SIZE * SIZE) as usize;
         let weights =
             (0..pixels).map(|_| [0; 3].map(|_| between(&mut random, -0.2, 1.0))).collect();
+        let mut cloud = Cloud::arrange(vec![8, 22], &seeds);
+        if own_levels {
+            cloud.split_into_levels();
+            // Levels that differ in all they can.
+            for (upper, lower) in (0..8).map(|i| (i, i)) {
+                let full = cloud.levels[1][upper].to_array();
+                let changed = full.map(|p| p + between(&mut random, -0.1, 0.1));
+                cloud.levels[0][lower] = Parameters::from_array(changed);
+            }
+        }
+        let prefix = Prefix::of(24, &cloud);
         Self {
-            cloud: Cloud::arrange(vec![8, 22], &seeds),
+            cloud,
             corners,
             stage,
             camera,
-            prefix: Prefix::of(24, 30),
+            prefix,
             low_pass,
             background: [0.9, 0.4, 0.6],
             weights,
@@ -237,25 +249,34 @@ impl Scene {
         (0..SIZE * SIZE).map(pixel).collect()
     }
 
-    /// The value in f64, given the decisions, with parameter `moved.1` of Gaussian `moved.0` changed.
-    fn value(&self, decisions: &[Vec<u32>], moved: (usize, usize), h: f64) -> f64 {
+    /// The value in f64, given the decisions, with a parameter changed: `moved` are a level, a Gaussian and the
+    /// parameter.
+    fn value(&self, decisions: &[Vec<u32>], moved: [usize; 3], h: f64) -> f64 {
         let view = View::<f64>::new(&self.camera);
-        let splats: Vec<([f64; 6], [f64; 3])> = self
-            .cloud
-            .gaussians
-            .iter()
-            .enumerate()
-            .map(|(index, gaussian)| {
-                let mut p = gaussian.parameters.to_array().map(f64::from);
-                if index == moved.0 {
-                    p[moved.1] += h;
+        let at_level = |level: usize, index: usize| {
+            let mut p = self.cloud.levels[level][index].to_array().map(f64::from);
+            if moved[..2] == [level, index] {
+                p[moved[2]] += h;
+            }
+            p[6] = 1.0 / (1.0 + (-p[6]).exp());
+            p
+        };
+        let splats: Vec<([f64; 6], [f64; 3])> = (0..self.cloud.len())
+            .map(|index| {
+                let mut p = at_level(self.prefix.level, index);
+                if self.prefix.lower(&self.cloud, index).is_some() {
+                    let lower = at_level(self.prefix.level - 1, index);
+                    let share = f64::from(self.prefix.lower_share);
+                    p.iter_mut().zip(lower).for_each(|(p, lower)| *p += share * (lower - *p));
+                } else {
+                    p[4..6].iter_mut().for_each(|s| *s += f64::from(self.prefix.log2_scale));
                 }
-                let corners = self.corners[gaussian.triangle as usize].map(|c| c.map(f64::from));
+                let triangle = self.cloud.triangles[index] as usize;
+                let corners = self.corners[triangle].map(|c| c.map(f64::from));
                 let frame = Frame::of_triangle(FrameKind::Area, corners).expect("it has an area");
-                let widen = f64::from(self.prefix.log2_scale);
-                let geometry = [p[0], p[1], p[2], p[3], p[4] + widen, p[5] + widen];
+                let geometry = [p[0], p[1], p[2], p[3], p[4], p[5]];
                 let mut splat = screen(&view, self.low_pass, &frame, geometry);
-                splat[5] -= (1.0 + (-p[6]).exp()).log2();
+                splat[5] += p[6].log2();
                 (splat, [p[7], p[8], p[9]])
             })
             .collect();
@@ -280,21 +301,36 @@ impl Scene {
         value
     }
 
-    /// The trainer's gradient by all parameters of all Gaussians; 0 where one is not drawn.
-    fn gradient(&self, forward: &Forward) -> Vec<[f32; PARAMETERS]> {
-        let view = View::new(&self.camera);
-        let mut gradient = vec![[0.0; PARAMETERS]; self.cloud.len()];
-        for (&source, by) in forward.sources.iter().zip(by_splats(forward, &self.weights)) {
-            let Seed { triangle, parameters, .. } = &self.cloud.gaussians[source as usize];
-            let frame = self.stage.frames[*triangle as usize].as_ref().expect("it has an area");
-            let widen = self.prefix.log2_scale;
-            let by = by_parameters(&view, self.low_pass, frame, parameters, widen, &by);
-            gradient[source as usize] = by.to_array();
+    /// The trainer's gradient by all parameters of a level; 0 where a Gaussian is not drawn.
+    fn gradient(&self, forward: &Forward, level: usize) -> Vec<[f32; PARAMETERS]> {
+        let mut gradient = vec![[0.0; PARAMETERS]; self.cloud.levels[level].len()];
+        let by_discs = ByDiscs {
+            view: View::new(&self.camera),
+            low_pass: self.low_pass,
+            stage: &self.stage,
+            triangles: &self.cloud.triangles,
+            forward,
+            gradients: &by_splats(forward, &self.weights),
+        };
+        let drawn = forward.splats.len();
+        assert!(drawn <= BATCH, "they are one batch");
+        for (&source, by) in forward.sources.iter().zip(by_discs.of(0..drawn)) {
+            let index = source as usize;
+            let mixed = self.prefix.lower(&self.cloud, index).is_some();
+            let share = if level == self.prefix.level {
+                if mixed { 1.0 - self.prefix.lower_share } else { 1.0 }
+            } else if mixed {
+                self.prefix.lower_share
+            } else {
+                continue;
+            };
+            let by = self.cloud.levels[level][index].gradient(&by);
+            gradient[index] = by.to_array().map(|g| share * g);
         }
         gradient
     }
 
-    /// Greatest error of each parameter relative to that parameter's root mean square.
+    /// Greatest error of each parameter relative to that parameter's root mean square, level by level.
     ///
     /// The trainer works in f32: a gradient is a sum of up to 2304 × 3 terms of both signs, each off
     /// by some 1e-6 of itself. By position, scale, opacity and colour that leaves 1e-5 of the usual
@@ -303,18 +339,24 @@ impl Scene {
     fn check(&self, forward: &Forward, decisions: &[Vec<u32>]) {
         const NAMES: [&str; PARAMETERS] =
             ["x", "y", "z", "angle", "scale 0", "scale 1", "logit", "red", "green", "blue"];
-        let analytic = self.gradient(forward);
-        for (parameter, name) in NAMES.into_iter().enumerate() {
-            let numeric: Vec<f64> = (0..self.cloud.len())
-                .map(|index| central(2e-3, |h| self.value(decisions, (index, parameter), h)))
-                .collect();
-            let square: f64 = numeric.iter().map(|n| n * n).sum();
-            let usual = (square / f64::from(self.prefix.count)).sqrt();
-            let error =
-                |(index, n): (usize, &f64)| (f64::from(analytic[index][parameter]) - n).abs();
-            let worst = numeric.iter().enumerate().map(error).fold(0.0, f64::max) / usual;
-            println!("{:?} {name}: usual {usual:.3}, worst {worst:.1e} of it", self.low_pass);
-            assert!(usual > 1e-3 && worst < 2e-4, "{name}: {worst:e} of {usual}");
+        for (level, gaussians) in self.cloud.levels.iter().enumerate() {
+            let analytic = self.gradient(forward, level);
+            for (parameter, name) in NAMES.into_iter().enumerate() {
+                let moved = |index| [level, index, parameter];
+                let numeric: Vec<f64> = (0..gaussians.len())
+                    .map(|index| central(2e-3, |h| self.value(decisions, moved(index), h)))
+                    .collect();
+                let square: f64 = numeric.iter().map(|n| n * n).sum();
+                let usual = (square / numeric.len() as f64).sqrt();
+                let error =
+                    |(index, n): (usize, &f64)| (f64::from(analytic[index][parameter]) - n).abs();
+                let worst = numeric.iter().enumerate().map(error).fold(0.0, f64::max) / usual;
+                println!(
+                    "{:?} level {level} {name}: usual {usual:.3}, worst {worst:.1e} of it",
+                    self.low_pass
+                );
+                assert!(usual > 1e-3 && worst < 2e-4, "{name}: {worst:e} of {usual}");
+            }
         }
     }
 }
@@ -324,12 +366,14 @@ impl Scene {
 #[test]
 fn the_picture_has_the_gradient_of_a_smooth_scene() {
     for low_pass in KINDS {
-        let scene = Scene::new(low_pass, [1.6, 2.6], [0.12, 0.4]);
-        let forward = scene.forward();
-        let decisions = scene.decisions(&forward);
-        assert_eq!(forward.splats.len(), 24, "exactly the prefix is drawn");
-        assert!(decisions.iter().all(|blended| blended.len() == 24), "everything everywhere");
-        scene.check(&forward, &decisions);
+        for own_levels in [false, true] {
+            let scene = Scene::new(low_pass, own_levels, [1.6, 2.6], [0.12, 0.4]);
+            let forward = scene.forward();
+            let decisions = scene.decisions(&forward);
+            assert_eq!(forward.splats.len(), 24, "exactly the prefix is drawn");
+            assert!(decisions.iter().all(|blended| blended.len() == 24), "everything everywhere");
+            scene.check(&forward, &decisions);
+        }
     }
 }
 
@@ -338,10 +382,12 @@ fn the_picture_has_the_gradient_of_a_smooth_scene() {
 #[test]
 fn the_picture_has_the_gradient_of_small_discs() {
     for low_pass in KINDS {
-        let scene = Scene::new(low_pass, [0.06, 0.6], [0.3, 0.85]);
-        let forward = scene.forward();
-        let decisions = scene.decisions(&forward);
-        assert!(decisions.iter().any(|blended| blended.len() < 8), "not everything everywhere");
-        scene.check(&forward, &decisions);
+        for own_levels in [false, true] {
+            let scene = Scene::new(low_pass, own_levels, [0.06, 0.6], [0.3, 0.85]);
+            let forward = scene.forward();
+            let decisions = scene.decisions(&forward);
+            assert!(decisions.iter().any(|blended| blended.len() < 8), "not everything everywhere");
+            scene.check(&forward, &decisions);
+        }
     }
 }

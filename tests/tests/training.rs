@@ -51,7 +51,7 @@ fn lodavatar_has_exactly_the_counts_of_the_paper() {
         assert_eq!(count, gaussians_at_level(vertices, triangles, level as u32));
     }
     assert_eq!(u64::from(avatar.header().gaussians), count);
-    let fixed = cloud.gaussians.iter().filter(|g| g.freedom == Freedom::Fixed).count() as u64;
+    let fixed = cloud.freedoms.iter().filter(|&&freedom| freedom == Freedom::Fixed).count() as u64;
     assert_eq!(fixed, vertices + triangles * 5, "earlier levels do not move");
 }
 

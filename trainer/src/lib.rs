@@ -42,3 +42,4 @@ pub mod progress;
 pub mod scene;
 pub mod train;
 pub mod truth;
+mod widest;

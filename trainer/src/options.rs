@@ -49,6 +49,12 @@ pub struct Options {
     pub background: [f32; 3],
     /// What to lessen.
     pub loss: Loss,
+    /// Whether each level's Gaussians have parameters of their own.
+    pub per_level: bool,
+    /// Share of the steps before levels part.
+    pub split: f32,
+    /// How prefixes are drawn.
+    pub nested: Nested,
 }
 
 impl Options {
@@ -71,13 +77,16 @@ impl Options {
             seed: 1,
             background: [1.0; 3],
             loss: Loss::PAPER,
+            per_level: false,
+            split: 0.3,
+            nested: Nested { whole: 0.3, least: 1.0 / 64.0 },
         }
     }
 
     /// How a set that is trained as one descends.
     pub fn schedule(&self) -> Schedule {
         let nested = match self.method {
-            Method::Dermis => Some(Nested { whole: 0.3, least: 1.0 / 64.0 }),
+            Method::Dermis => Some(self.nested),
             Method::Lodavatar => None,
         };
         Schedule {
@@ -85,6 +94,7 @@ impl Options {
             rates: Rates::default(),
             last_rate: 0.1,
             nested,
+            split: self.per_level.then_some((self.steps as f32 * self.split) as u32),
             random_background: 0.3,
         }
     }

@@ -8,7 +8,7 @@ use dermis_format::source::{
 use glam::{Affine3A, Quat};
 
 use crate::model::{ChannelTarget, Interpolation, Model};
-use crate::optimize::cloud::Cloud;
+use crate::optimize::cloud::{Cloud, Parameters};
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
 /// Clips are resampled at this rate, keys per second.
@@ -48,9 +48,8 @@ pub fn with_gaussians(mut source: Source, cloud: &Cloud, mathematics: Mathematic
     source.mathematics = mathematics;
     let region = &mut source.regions[0];
     region.layers = cloud.layers.clone();
-    region.triangles = cloud.gaussians.iter().map(|g| g.triangle).collect();
-    region.gaussians =
-        Gaussians::Disc(cloud.gaussians.iter().map(|g| g.parameters.disc()).collect());
+    region.triangles = cloud.triangles.clone();
+    region.gaussians = Gaussians::Disc(cloud.full().iter().map(Parameters::disc).collect());
     source
 }
 

@@ -15,7 +15,7 @@ use crate::embed::sides::two_sided;
 use crate::embed::surface::Surface;
 use crate::model::Model;
 use crate::optimize::cloud::{Cloud, Freedom};
-use crate::optimize::descend::{Problem, descend};
+use crate::optimize::descend::{Descent, Problem};
 use crate::optimize::forward::Stage;
 use crate::optimize::schedule::{Random, Schedule};
 use crate::options::{Method, Options};
@@ -167,9 +167,8 @@ impl<'a> Workshop<'a> {
                 seed(surface, painter, point, area, Freedom::Free)
             })
             .collect();
-        let mut cloud = Cloud::arrange(self.options.layers(seeds.len() as u32), &seeds);
-        self.descend(&mut cloud, &self.options.schedule());
-        Ok(cloud)
+        let cloud = Cloud::arrange(self.options.layers(seeds.len() as u32), &seeds);
+        Ok(self.descend(cloud, &self.options.schedule()))
     }
 
     /// LoDAvatar's levels, each on top of the trained ones before.
@@ -180,16 +179,15 @@ impl<'a> Workshop<'a> {
         let mut cloud = Cloud::arrange(hierarchy.layers(), &seeds);
         let mut schedule = self.options.schedule();
         schedule.steps /= self.options.levels.max(1);
-        self.descend(&mut cloud, &schedule);
+        cloud = self.descend(cloud, &schedule);
         for _ in 1..self.options.levels {
             let seeds = hierarchy.refine(&self.surface, self.painter, &cloud);
-            cloud = Cloud::arrange(hierarchy.layers(), &seeds);
-            self.descend(&mut cloud, &schedule);
+            cloud = self.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule);
         }
         cloud
     }
 
-    fn descend(&mut self, cloud: &mut Cloud, schedule: &Schedule) {
+    fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Cloud {
         let problem = Problem {
             stages: &self.stages,
             views: &self.views,
@@ -199,14 +197,19 @@ impl<'a> Workshop<'a> {
         };
         let bar = progress::bar("training", u64::from(schedule.steps));
         let mut smooth = None;
-        descend(cloud, &problem, schedule, &mut self.random, |progress| {
-            let loss = smooth.map_or(progress.loss, |s: f64| 0.95 * s + 0.05 * progress.loss);
+        let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
+        while !descent.is_done() {
+            let loss = descent.advance(|_| {});
+            let loss = smooth.map_or(loss, |s: f64| 0.95 * s + 0.05 * loss);
             smooth = Some(loss);
             bar.set_prefix(format!("loss {loss:.5}"));
-            bar.set_position(u64::from(progress.step));
-        });
+            bar.set_position(u64::from(descent.step()));
+        }
         bar.finish_and_clear();
         self.steps += schedule.steps;
+        let (cloud, random) = descent.finish();
+        self.random = random;
+        cloud
     }
 }
 

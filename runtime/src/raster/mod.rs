@@ -134,9 +134,9 @@ pub fn log2_alpha(splat: &Splat, dx: f32, dy: f32) -> f32 {
     exponent(splat.log2_opacity - v * v, a * dx, b * dy)
 }
 
-/// What is left of `room`, log₂ of opacity less the row's share, along the row.
+/// log₂ of alpha from what is the same along a row: `room`, log₂ of the opacity less (c dy)², and b dy.
 #[inline(always)]
-fn exponent<R: Real>(room: R, a_dx: R, b_dy: R) -> R {
+pub fn exponent<R: Real>(room: R, a_dx: R, b_dy: R) -> R {
     let u = a_dx + b_dy;
     room - u * u
 }

@@ -72,8 +72,9 @@ impl Hierarchy {
     /// The next level on top of a trained cloud: everything in it is fixed.
     pub fn refine(&mut self, surface: &Surface, painter: &Painter<'_>, cloud: &Cloud) -> Vec<Seed> {
         let mut seeds = vec![None; cloud.len()];
-        for (gaussian, &origin) in cloud.gaussians.iter().zip(&cloud.origins) {
-            seeds[origin as usize] = Some(Seed { freedom: Freedom::Fixed, ..*gaussian });
+        let gaussians = cloud.full().iter().zip(&cloud.triangles);
+        for ((&parameters, &triangle), &origin) in gaussians.zip(&cloud.origins) {
+            seeds[origin as usize] = Some(Seed { triangle, parameters, freedom: Freedom::Fixed });
         }
         let mut seeds: Vec<Seed> = seeds.into_iter().flatten().collect();
         let mut children = Vec::with_capacity(self.triangles.len() * 4);

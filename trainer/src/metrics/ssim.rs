@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::Rect;
 use crate::picture::Picture;
+use crate::widest::widest;
 
 /// Radius of the window in pixels: 11 = 2·5 + 1.
 const RADIUS: usize = 5;
@@ -125,20 +126,30 @@ impl SsimWorkspace {
             .into_par_iter()
             .zip((p2.par_chunks_mut(band), p3.par_chunks_mut(band)).into_par_iter());
         planes.enumerate().for_each(|(index, ((m0, m1), (m2, m3)))| {
-            let mut inputs: [Vec<f32>; 4] = std::array::from_fn(|_| layout.padded());
-            for row in 0..m0.len() / layout.stride {
-                layout.load(a, index * BAND + row, &mut inputs[0]);
-                layout.load(b, index * BAND + row, &mut inputs[1]);
-                let [a, b, squares, product] = &mut inputs;
-                for (((&a, &b), s), p) in a.iter().zip(&*b).zip(squares).zip(product) {
-                    *s = a * a + b * b;
-                    *p = a * b;
-                }
-                let range = row * layout.stride..(row + 1) * layout.stride;
-                for (input, plane) in inputs.iter().zip([&mut *m0, &mut *m1, &mut *m2, &mut *m3]) {
-                    filter(&mut plane[range.clone()], std::array::from_fn(|tap| &input[tap..]));
-                }
-            }
+            widest(
+                #[inline(always)]
+                || {
+                    let mut inputs: [Vec<f32>; 4] = std::array::from_fn(|_| layout.padded());
+                    for row in 0..m0.len() / layout.stride {
+                        layout.load(a, index * BAND + row, &mut inputs[0]);
+                        layout.load(b, index * BAND + row, &mut inputs[1]);
+                        let [a, b, squares, product] = &mut inputs;
+                        for (((&a, &b), s), p) in a.iter().zip(&*b).zip(squares).zip(product) {
+                            *s = a * a + b * b;
+                            *p = a * b;
+                        }
+                        let range = row * layout.stride..(row + 1) * layout.stride;
+                        for (input, plane) in
+                            inputs.iter().zip([&mut *m0, &mut *m1, &mut *m2, &mut *m3])
+                        {
+                            filter(
+                                &mut plane[range.clone()],
+                                std::array::from_fn(|tap| &input[tap..]),
+                            );
+                        }
+                    }
+                },
+            );
         });
     }
 
@@ -150,26 +161,35 @@ impl SsimWorkspace {
         let planes = (p0.par_chunks_mut(band), p1.par_chunks_mut(band), p2.par_chunks_mut(band));
         let sums = self.sums.par_chunks_mut(BAND);
         planes.into_par_iter().zip(sums).enumerate().for_each(|(index, ((s0, s1, s2), sums))| {
-            let mut rows: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; layout.stride]);
-            let mut slopes: [Vec<f32>; 3] = std::array::from_fn(|_| layout.padded());
-            let mut values = vec![0.0; layout.columns];
-            for (row, sum) in sums.iter_mut().enumerate() {
-                for (moment, plane) in rows.iter_mut().zip(moments) {
-                    filter(moment, layout.window(plane, zeros, index * BAND + row));
-                }
-                *sum = 0.0;
-                for channel in 0..3 {
-                    let inner = layout.channel(channel);
-                    let inputs = rows.each_ref().map(|row| &row[inner.clone()]);
-                    let outputs = slopes.each_mut().map(|row| &mut row[RADIUS..][inner.clone()]);
-                    similarity_row(inputs, &mut values, outputs);
-                    *sum += values.iter().map(|&value| f64::from(value)).sum::<f64>();
-                }
-                let range = row * layout.stride..(row + 1) * layout.stride;
-                for (slope, plane) in slopes.iter().zip([&mut *s0, &mut *s1, &mut *s2]) {
-                    filter(&mut plane[range.clone()], std::array::from_fn(|tap| &slope[tap..]));
-                }
-            }
+            widest(
+                #[inline(always)]
+                || {
+                    let mut rows: [Vec<f32>; 4] = std::array::from_fn(|_| vec![0.0; layout.stride]);
+                    let mut slopes: [Vec<f32>; 3] = std::array::from_fn(|_| layout.padded());
+                    let mut values = vec![0.0; layout.columns];
+                    for (row, sum) in sums.iter_mut().enumerate() {
+                        for (moment, plane) in rows.iter_mut().zip(moments) {
+                            filter(moment, layout.window(plane, zeros, index * BAND + row));
+                        }
+                        *sum = 0.0;
+                        for channel in 0..3 {
+                            let inner = layout.channel(channel);
+                            let inputs = rows.each_ref().map(|row| &row[inner.clone()]);
+                            let outputs =
+                                slopes.each_mut().map(|row| &mut row[RADIUS..][inner.clone()]);
+                            similarity_row(inputs, &mut values, outputs);
+                            *sum += values.iter().map(|&value| f64::from(value)).sum::<f64>();
+                        }
+                        let range = row * layout.stride..(row + 1) * layout.stride;
+                        for (slope, plane) in slopes.iter().zip([&mut *s0, &mut *s1, &mut *s2]) {
+                            filter(
+                                &mut plane[range.clone()],
+                                std::array::from_fn(|tap| &slope[tap..]),
+                            );
+                        }
+                    }
+                },
+            );
         });
     }
 
@@ -180,26 +200,35 @@ impl SsimWorkspace {
         let top = (region.y - layout.area.y) as usize;
         let left = (region.x - layout.area.x) as usize;
         self.gradient.par_chunks_mut(width * BAND).enumerate().for_each(|(index, band)| {
-            let mut rows: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; layout.stride]);
-            for (row, gradient) in band.chunks_exact_mut(width).enumerate() {
-                let row = index * BAND + row;
-                for (slope, plane) in rows.iter_mut().zip(slopes) {
-                    filter(slope, layout.window(plane, zeros, top + row));
-                }
-                let start = (region.y as usize + row) * layout.frame_width + region.x as usize;
-                let pixels = a.rgb[start..start + width].iter().zip(&b.rgb[start..start + width]);
-                for channel in 0..3 {
-                    let [mean, squares, product] =
-                        rows.each_ref().map(|row| &row[layout.channel(channel)][left..][..width]);
-                    for (x, (gradient, (a, b))) in
-                        gradient.iter_mut().zip(pixels.clone()).enumerate()
-                    {
-                        let chained =
-                            mean[x] + 2.0 * a[channel] * squares[x] + b[channel] * product[x];
-                        gradient[channel] = scale * chained;
+            widest(
+                #[inline(always)]
+                || {
+                    let mut rows: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; layout.stride]);
+                    for (row, gradient) in band.chunks_exact_mut(width).enumerate() {
+                        let row = index * BAND + row;
+                        for (slope, plane) in rows.iter_mut().zip(slopes) {
+                            filter(slope, layout.window(plane, zeros, top + row));
+                        }
+                        let start =
+                            (region.y as usize + row) * layout.frame_width + region.x as usize;
+                        let pixels =
+                            a.rgb[start..start + width].iter().zip(&b.rgb[start..start + width]);
+                        for channel in 0..3 {
+                            let [mean, squares, product] = rows
+                                .each_ref()
+                                .map(|row| &row[layout.channel(channel)][left..][..width]);
+                            for (x, (gradient, (a, b))) in
+                                gradient.iter_mut().zip(pixels.clone()).enumerate()
+                            {
+                                let chained = mean[x]
+                                    + 2.0 * a[channel] * squares[x]
+                                    + b[channel] * product[x];
+                                gradient[channel] = scale * chained;
+                            }
+                        }
                     }
-                }
-            }
+                },
+            );
         });
     }
 }
@@ -233,6 +262,7 @@ impl Layout {
     }
 
     /// Writes a row of the area into a padded row.
+    #[inline(always)]
     fn load(&self, picture: &Picture, row: usize, padded: &mut [f32]) {
         let start = (self.area.y as usize + row) * self.frame_width + self.area.x as usize;
         let pixels = &picture.rgb[start..start + self.columns];
@@ -245,6 +275,7 @@ impl Layout {
     }
 
     /// The rows under the window around `row`.
+    #[inline(always)]
     fn window<'a>(&self, plane: &'a [f32], zeros: &'a [f32], row: usize) -> [&'a [f32]; TAPS] {
         std::array::from_fn(|tap| match (row + tap).checked_sub(RADIUS) {
             Some(row) if row < self.rows => &plane[row * self.stride..(row + 1) * self.stride],
@@ -254,6 +285,7 @@ impl Layout {
 }
 
 /// out[i] = Σ window[tap] · taps[tap][i].
+#[inline(always)]
 fn filter(out: &mut [f32], taps: [&[f32]; TAPS]) {
     let length = out.len();
     // Slices of one known length let the compiler drop the bounds checks and vectorise.
@@ -273,6 +305,7 @@ fn filter(out: &mut [f32], taps: [&[f32]; TAPS]) {
 ///
 /// S = A1·A2 / (B1·B2) with A1 = 2·μa·μb + C1, A2 = 2·σab + C2, B1 = μa² + μb² + C1 and
 /// B2 = σa² + σb² + C2, where σab = m(ab) − μa·μb and σa² + σb² = m(a² + b²) − μa² − μb².
+#[inline(always)]
 fn similarity_row(moments: [&[f32]; 4], values: &mut [f32], slopes: [&mut [f32]; 3]) {
     let length = values.len();
     let [mean_a, mean_b, squares, product] = moments.map(|row| &row[..length]);

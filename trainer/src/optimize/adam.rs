@@ -50,6 +50,7 @@ impl Rates {
     }
 
     /// Per parameter of a Gaussian whose standard deviation is `sigma`.
+    #[inline(always)]
     fn array(&self, sigma: f32) -> [f32; PARAMETERS] {
         Parameters {
             position: [self.position * sigma; 3],
@@ -64,6 +65,7 @@ impl Rates {
 
 impl Moments {
     /// One step of one Gaussian. `sigma` scales the steps of its position.
+    #[inline(always)]
     pub fn step(
         &mut self,
         parameters: &mut Parameters,
@@ -72,16 +74,16 @@ impl Moments {
         sigma: f32,
     ) {
         self.decay = [self.decay[0] * BETA1, self.decay[1] * BETA2];
-        let [correction1, correction2] = self.decay.map(|decay| 1.0 - decay);
+        // Of rate · (m / (1 − β₁ᵗ)) / (√(v / (1 − β₂ᵗ)) + ε), what all parameters share.
+        let root = libm::sqrtf(1.0 - self.decay[1]);
+        let (correction, epsilon) = (root / (1.0 - self.decay[0]), EPSILON * root);
         let mut values = parameters.to_array();
-        let rates = rates.array(sigma);
+        let rates = rates.times(correction).array(sigma);
         for i in 0..PARAMETERS {
             let g = gradient[i];
             self.first[i] = BETA1 * self.first[i] + (1.0 - BETA1) * g;
             self.second[i] = BETA2 * self.second[i] + (1.0 - BETA2) * g * g;
-            let mean = self.first[i] / correction1;
-            let deviation = (self.second[i] / correction2).sqrt();
-            values[i] -= rates[i] * mean / (deviation + EPSILON);
+            values[i] -= rates[i] * self.first[i] / (libm::sqrtf(self.second[i]) + epsilon);
         }
         *parameters = Parameters::from_array(values);
     }

@@ -1,12 +1,13 @@
 //! The Gaussians in training: parameters in the order of the file.
 
 use dermis_format::Disc;
+use dermis_runtime::plan::prefix_log2_scale;
 
 /// Numbers that describe one disc.
 pub const PARAMETERS: usize = 10;
 
 /// Parameters of one disc, in the frame of its triangle, lengths in units of the frame's size.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Parameters {
     /// x, y in the triangle's plane, z along its normal.
     pub position: [f32; 3],
@@ -47,6 +48,20 @@ impl Parameters {
             opacity: self.opacity(),
         }
     }
+
+    /// The gradient by these parameters, given that by their [`Self::disc`].
+    #[inline(always)]
+    pub fn gradient(&self, by: &Disc) -> Self {
+        let opacity = self.opacity();
+        Self {
+            position: by.position,
+            angle: by.angle,
+            log2_scale: by.log2_scale,
+            // d o / d logit = o (1 − o).
+            logit: by.opacity * opacity * (1.0 - opacity),
+            color: by.color,
+        }
+    }
 }
 
 /// What training may move.
@@ -54,6 +69,8 @@ impl Parameters {
 pub enum Freedom {
     /// Nothing: a Gaussian of an earlier layer.
     Fixed,
+    /// The opacity alone: a Gaussian of an earlier layer of LapisGS.
+    Opacity,
     /// All but the position: a Gaussian on a vertex (LoDAvatar, 3.5).
     Anchored,
     /// Everything.
@@ -76,23 +93,28 @@ pub struct Seed {
 pub struct Cloud {
     /// Gaussians of each layer.
     pub layers: Vec<u32>,
-    /// Each Gaussian.
-    pub gaussians: Vec<Seed>,
+    /// Triangle of each Gaussian.
+    pub triangles: Vec<u32>,
+    /// What training may move of each.
+    pub freedoms: Vec<Freedom>,
     /// Rank of each in the nested order.
     pub ranks: Vec<u32>,
     /// Index of each among the seeds it was arranged from.
     pub origins: Vec<u32>,
+    /// What the Gaussians are, level by level: a level holds those of its layer and of all layers before.
+    /// A single level holds all, and is theirs at every count.
+    pub levels: Vec<Vec<Parameters>>,
 }
 
 impl Cloud {
     /// How many.
     pub fn len(&self) -> usize {
-        self.gaussians.len()
+        self.triangles.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.gaussians.is_empty()
+        self.triangles.is_empty()
     }
 
     /// Puts Gaussians that stand coarse to fine into the order of the file: layer by layer, block by
@@ -100,15 +122,121 @@ impl Cloud {
     /// they came with. A cloud that is arranged again keeps its order.
     pub fn arrange(layers: Vec<u32>, coarse_to_fine: &[Seed]) -> Self {
         let mut cloud = Self { layers: layers.clone(), ..Self::default() };
+        let mut parameters = Vec::with_capacity(coarse_to_fine.len());
         for (_, first, count) in dermis_format::order::blocks(&layers) {
             let mut block: Vec<u32> = (first..first + count).collect();
             block.sort_by_key(|&origin| coarse_to_fine[origin as usize].triangle);
             for (place, origin) in block.into_iter().enumerate() {
-                cloud.gaussians.push(coarse_to_fine[origin as usize]);
+                let seed = &coarse_to_fine[origin as usize];
+                cloud.triangles.push(seed.triangle);
+                cloud.freedoms.push(seed.freedom);
+                parameters.push(seed.parameters);
                 cloud.ranks.push(first + dermis_format::order::rank(place as u32, count));
                 cloud.origins.push(origin);
             }
         }
+        cloud.levels.push(parameters);
         cloud
+    }
+
+    /// Gives every level parameters of its own, which start as wide as its count asks for.
+    pub fn split_into_levels(&mut self) {
+        let all = self.full().to_vec();
+        let mut count = 0;
+        let counts = self.layers.iter().map(|layer| {
+            count += layer;
+            count
+        });
+        // Layers without Gaussians are no levels of their own.
+        let mut counts: Vec<u32> = counts.filter(|&count| count > 0).collect();
+        counts.dedup();
+        self.levels = counts
+            .iter()
+            .map(|&count| {
+                let wider = prefix_log2_scale(count, all.len() as u32);
+                let widened = |p: &Parameters| {
+                    let mut p = *p;
+                    p.log2_scale.iter_mut().for_each(|scale| *scale += wider);
+                    p
+                };
+                all[..count as usize].iter().map(widened).collect()
+            })
+            .collect();
+    }
+
+    /// Parameters of all Gaussians at the last level.
+    pub fn full(&self) -> &[Parameters] {
+        self.levels.last().map_or(&[], Vec::as_slice)
+    }
+
+    /// What Gaussian `index` is in a picture of `prefix`.
+    #[inline]
+    pub fn disc(&self, prefix: &Prefix, index: usize) -> Disc {
+        let mut disc = self.levels[prefix.level][index].disc();
+        match prefix.lower(self, index) {
+            Some(lower) => mixed(&disc, &lower.disc(), prefix.lower_share),
+            None => {
+                disc.log2_scale.iter_mut().for_each(|scale| *scale += prefix.log2_scale);
+                disc
+            }
+        }
+    }
+}
+
+/// The way from `upper` to `lower`, of which `share` is gone.
+fn mixed(upper: &Disc, lower: &Disc, share: f32) -> Disc {
+    let between = |a: f32, b: f32| a + share * (b - a);
+    Disc {
+        position: core::array::from_fn(|i| between(upper.position[i], lower.position[i])),
+        angle: upper.angle + share * turn(lower.angle - upper.angle),
+        log2_scale: core::array::from_fn(|i| between(upper.log2_scale[i], lower.log2_scale[i])),
+        color: core::array::from_fn(|i| between(upper.color[i], lower.color[i])),
+        opacity: between(upper.opacity, lower.opacity),
+    }
+}
+
+/// The same line's angle nearest to 0: in [−π/2, π/2].
+fn turn(angle: f32) -> f32 {
+    angle - core::f32::consts::PI * libm::rintf(angle * core::f32::consts::FRAC_1_PI)
+}
+
+/// How many Gaussians a picture has, and what that makes of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prefix {
+    /// Gaussians of lower rank are drawn.
+    pub count: u32,
+    /// Their level: the first one that holds them all.
+    pub level: usize,
+    /// How far Gaussians of the level below have gone there, in [0, 1).
+    pub lower_share: f32,
+    /// Added to log₂ of the scales of all others.
+    pub log2_scale: f32,
+}
+
+impl Prefix {
+    /// The first `count` of a cloud, all of it at most.
+    ///
+    /// With n(i) Gaussians at level i and n(i − 1) < k ≤ n(i), those that arrive are √(n(i) / k) times
+    /// wider than at level i, and the others log(n(i) / k) / log(n(i) / n(i − 1)) of the way from level i to
+    /// level i − 1: were that √(n(i) / n(i − 1)) times wider, all would have one factor.
+    pub fn of(count: u32, cloud: &Cloud) -> Self {
+        let level = cloud.levels.iter().position(|level| level.len() >= count as usize);
+        let level = level.unwrap_or(cloud.levels.len().saturating_sub(1));
+        let len_of = |level: usize| cloud.levels.get(level).map_or(0, |level| level.len() as u32);
+        let log2_scale = prefix_log2_scale(count, len_of(level));
+        let lower_share = match level.checked_sub(1) {
+            Some(lower) if log2_scale > 0.0 => {
+                log2_scale / prefix_log2_scale(len_of(lower), len_of(level))
+            }
+            _ => 0.0,
+        };
+        Self { count, level, lower_share, log2_scale }
+    }
+
+    /// What Gaussian `index` is at the level below, where that matters.
+    #[inline]
+    pub fn lower<'a>(&self, cloud: &'a Cloud, index: usize) -> Option<&'a Parameters> {
+        let lower = self.level.checked_sub(1).filter(|_| self.lower_share > 0.0)?;
+        cloud.levels[lower].get(index)
     }
 }

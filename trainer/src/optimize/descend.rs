@@ -1,22 +1,17 @@
 //! Gradient descent over pictures.
 
 use dermis_format::LowPass;
-use dermis_runtime::project::View;
-use rayon::prelude::*;
 
-use super::adam::{Moments, Rates};
-use super::backward::{SplatGradient, by_splats};
-use super::cloud::{Cloud, Freedom, Parameters, Seed};
-use super::forward::{Forward, Prefix, Stage, draw};
+use super::adam::Moments;
+use super::backward::by_splats;
+use super::cloud::{Cloud, Parameters};
+use super::forward::{Forward, Stage, draw};
 use super::loss::Loss;
-use super::projection::by_parameters;
+use super::mover::Mover;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
 use crate::truth::TrainingView;
-
-/// Gaussians that one task moves.
-const CHUNK: usize = 4096;
 
 /// What is to be matched.
 #[derive(Debug)]
@@ -33,67 +28,132 @@ pub struct Problem<'a> {
     pub loss: Loss,
 }
 
-/// How far training is.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// Steps done.
-    pub step: u32,
-    /// Loss of the last picture.
-    pub loss: f64,
+/// A part of a step, whose time may be of interest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Drawing the picture.
+    Forward,
+    /// Comparing it with the truth.
+    Loss,
+    /// Taking the gradient from pixels to splats.
+    Backward,
+    /// Taking it to parameters, and moving them.
+    Move,
 }
 
-/// Moves the cloud's parameters through `schedule`, one picture a step, and reports each step.
-pub fn descend(
-    cloud: &mut Cloud,
-    problem: &Problem<'_>,
-    schedule: &Schedule,
-    random: &mut Random,
-    mut report: impl FnMut(Progress),
-) {
-    if problem.views.is_empty() || cloud.is_empty() {
-        return;
-    }
-    let mut moments = vec![Moments::default(); cloud.len()];
-    // Steps of positions stay those of the first spacing: scales that grow must not run away.
-    let sigmas: Vec<f32> =
-        cloud.gaussians.iter().map(|g| standard_deviation(&g.parameters)).collect();
-    let mut ssim = SsimWorkspace::default();
-    let mut by_pixels = Vec::new();
-    let mut order: Vec<usize> = Vec::new();
-    for step in 0..schedule.steps {
-        if order.is_empty() {
-            order = (0..problem.views.len()).collect();
-            random.shuffle(&mut order);
+/// A cloud on its way down.
+#[derive(Debug)]
+pub struct Descent<'a> {
+    problem: &'a Problem<'a>,
+    schedule: &'a Schedule,
+    cloud: Cloud,
+    /// Of each Gaussian at each level.
+    moments: Vec<Vec<Moments>>,
+    /// Steps of positions stay those of the first spacing: scales that grow must not run away.
+    sigmas: Vec<Vec<f32>>,
+    random: Random,
+    /// Views that this round has not seen yet, the next one last.
+    order: Vec<usize>,
+    step: u32,
+    workspace: Workspace,
+}
+
+/// Memory that steps share.
+#[derive(Debug, Default)]
+struct Workspace {
+    ssim: SsimWorkspace,
+    by_pixels: Vec<[f32; 3]>,
+}
+
+impl<'a> Descent<'a> {
+    /// Before the first step.
+    pub fn new(
+        cloud: Cloud,
+        problem: &'a Problem<'a>,
+        schedule: &'a Schedule,
+        random: Random,
+    ) -> Self {
+        let of_each = |level: &Vec<Parameters>| vec![Moments::default(); level.len()];
+        let moments = cloud.levels.iter().map(of_each).collect();
+        let sigma = |p: &Parameters| libm::exp2f(0.5 * (p.log2_scale[0] + p.log2_scale[1]));
+        let sigmas = cloud.levels.iter().map(|level| level.iter().map(sigma).collect()).collect();
+        Self {
+            problem,
+            schedule,
+            cloud,
+            moments,
+            sigmas,
+            random,
+            order: Vec::new(),
+            step: 0,
+            workspace: Workspace::default(),
         }
-        let view = &problem.views[order.pop().unwrap_or(0)];
-        let prefix = schedule.prefix(cloud.len() as u32, random);
+    }
+
+    /// Steps done.
+    pub fn step(&self) -> u32 {
+        self.step
+    }
+
+    /// Whether the schedule is done, or there is nothing to do.
+    pub fn is_done(&self) -> bool {
+        self.step >= self.schedule.steps || self.problem.views.is_empty() || self.cloud.is_empty()
+    }
+
+    /// From here on each level goes its own way, with the momentum of all.
+    fn split_into_levels(&mut self) {
+        self.cloud.split_into_levels();
+        let of_level = |level: &Vec<Parameters>| self.moments[0][..level.len()].to_vec();
+        self.moments = self.cloud.levels.iter().map(of_level).collect();
+        let len = self.cloud.len();
+        let of_level = |level: &Vec<Parameters>| {
+            let wider = (len as f32 / level.len() as f32).sqrt();
+            self.sigmas[0][..level.len()].iter().map(|sigma| sigma * wider).collect()
+        };
+        self.sigmas = self.cloud.levels.iter().map(of_level).collect();
+    }
+
+    /// The cloud as it is, and the numbers that come next.
+    pub fn finish(self) -> (Cloud, Random) {
+        (self.cloud, self.random)
+    }
+
+    /// Moves the cloud against the gradient of one picture's loss, which it returns; calls `lap` behind
+    /// each part.
+    pub fn advance(&mut self, mut lap: impl FnMut(Part)) -> f64 {
+        if self.schedule.split == Some(self.step) {
+            self.split_into_levels();
+        }
+        let Self { problem, schedule, cloud, random, workspace, .. } = self;
+        if self.order.is_empty() {
+            self.order = (0..problem.views.len()).collect();
+            random.shuffle(&mut self.order);
+        }
+        let view = &problem.views[self.order.pop().unwrap_or(0)];
+        let prefix = schedule.prefix(cloud, random);
         let stage = &problem.stages[view.stage];
         let background = schedule.background(problem.background, random);
+        let rates = schedule.rates_at(self.step);
+        self.step += 1;
         let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
+        lap(Part::Forward);
         let truth = view.truth.picture(background);
         let region = region(&forward, view.truth.rect);
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
-            report(Progress { step: step + 1, loss: 0.0 });
-            continue;
+            return 0.0;
         }
-        let loss =
-            problem.loss.with_gradient(&forward.picture, &truth, region, &mut ssim, &mut by_pixels);
-        let gradients = by_splats(&forward, &by_pixels);
-        let mover = Mover {
-            view: View::new(&view.camera),
-            low_pass: problem.low_pass,
-            stage,
-            prefix,
-            rates: schedule.rates_at(step),
-        };
-        mover.step(cloud, &mut moments, &sigmas, &forward, &gradients);
-        report(Progress { step: step + 1, loss });
+        let Workspace { ssim, by_pixels } = workspace;
+        let loss = problem.loss.with_gradient(&forward.picture, &truth, region, ssim, by_pixels);
+        lap(Part::Loss);
+        let gradients = by_splats(&forward, by_pixels);
+        lap(Part::Backward);
+        let mover =
+            Mover { camera: &view.camera, low_pass: problem.low_pass, stage, prefix, rates };
+        mover.advance(cloud, &mut self.moments, &self.sigmas, &forward, &gradients);
+        lap(Part::Move);
+        loss
     }
-}
-
-fn standard_deviation(p: &Parameters) -> f32 {
-    libm::exp2f(0.5 * (p.log2_scale[0] + p.log2_scale[1]))
 }
 
 /// Where the two pictures can differ.
@@ -119,71 +179,4 @@ fn corners(rect: Rect) -> [u32; 4] {
         return [u32::MAX, u32::MAX, 0, 0];
     }
     [rect.x, rect.y, rect.x + rect.width, rect.y + rect.height]
-}
-
-/// One step of all Gaussians that were drawn.
-struct Mover<'a> {
-    view: View<f32>,
-    low_pass: LowPass,
-    stage: &'a Stage,
-    prefix: Prefix,
-    rates: Rates,
-}
-
-impl Mover<'_> {
-    fn step(
-        &self,
-        cloud: &mut Cloud,
-        moments: &mut [Moments],
-        sigmas: &[f32],
-        forward: &Forward,
-        gradients: &[SplatGradient],
-    ) {
-        let chunks = cloud.gaussians.par_chunks_mut(CHUNK).zip(moments.par_chunks_mut(CHUNK));
-        chunks.enumerate().for_each(|(chunk, (gaussians, moments))| {
-            let first = chunk * CHUNK;
-            // Splats stand in the order of their Gaussians.
-            let from = forward.sources.partition_point(|&source| (source as usize) < first);
-            let to = forward
-                .sources
-                .partition_point(|&source| (source as usize) < first + gaussians.len());
-            for (&source, gradient) in forward.sources[from..to].iter().zip(&gradients[from..to]) {
-                let at = source as usize - first;
-                self.step_one(
-                    &mut gaussians[at],
-                    &mut moments[at],
-                    sigmas[source as usize],
-                    gradient,
-                );
-            }
-        });
-    }
-
-    fn step_one(
-        &self,
-        gaussian: &mut Seed,
-        moments: &mut Moments,
-        sigma: f32,
-        gradient: &SplatGradient,
-    ) {
-        if gaussian.freedom == Freedom::Fixed {
-            return;
-        }
-        let Some(frame) = &self.stage.frames[gaussian.triangle as usize] else { return };
-        let mut gradient = by_parameters(
-            &self.view,
-            self.low_pass,
-            frame,
-            &gaussian.parameters,
-            self.prefix.log2_scale,
-            gradient,
-        )
-        .to_array();
-        if gaussian.freedom == Freedom::Anchored {
-            gradient[..3].fill(0.0);
-        }
-        if gradient.iter().all(|g| g.is_finite()) {
-            moments.step(&mut gaussian.parameters, &gradient, &self.rates, sigma);
-        }
-    }
 }

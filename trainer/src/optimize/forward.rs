@@ -3,7 +3,7 @@
 
 use core::ops::Range;
 
-use dermis_format::{FrameKind, LowPass};
+use dermis_format::{Disc, FrameKind, LowPass};
 use dermis_runtime::batch::{BATCH, Batch, Discs};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::lists::{ListKey, Listed, Pair};
@@ -15,7 +15,7 @@ use dermis_runtime::tiles::{TILE, TileGrid};
 use dermis_runtime::{Camera, Kernel};
 use rayon::prelude::*;
 
-use super::cloud::Cloud;
+use super::cloud::{Cloud, Prefix};
 use crate::picture::Picture;
 
 /// Gaussians that one task projects.
@@ -38,33 +38,30 @@ impl Stage {
     }
 }
 
-/// How many Gaussians a picture has, and how much wider that makes them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prefix {
-    /// Gaussians of lower rank are drawn.
-    pub count: u32,
-    /// Added to log₂ of their scales.
-    pub log2_scale: f32,
-}
-
-impl Prefix {
-    /// The first `count` of `len` under the runtime's law of scales.
-    pub fn of(count: u32, len: u32) -> Self {
-        Self { count, log2_scale: dermis_runtime::plan::prefix_log2_scale(count, len) }
-    }
-}
-
 /// A drawn picture, and all that the way back needs.
 #[derive(Debug, Default)]
 pub struct Forward {
     /// What was drawn.
     pub splats: Vec<Splat>,
-    /// Index into the cloud of each splat's Gaussian.
+    /// Index into the cloud of each splat's Gaussian; they ascend.
     pub sources: Vec<u32>,
+    /// What each of those was in this picture.
+    pub discs: Vec<Disc>,
     /// Rows of tiles.
     pub bands: Vec<Band>,
     /// Over the background.
     pub picture: Picture,
+}
+
+impl Forward {
+    /// The list of each tile that has one, front to back.
+    pub fn lists(&self) -> impl Iterator<Item = (u32, &[Pair])> {
+        let tiles = self.bands.iter().flat_map(|band| {
+            let starts = core::iter::once(&0).chain(&band.ends);
+            starts.zip(&band.ends).map(|(&start, &end)| &band.pairs[start as usize..end as usize])
+        });
+        (0..).zip(tiles).filter(|(_, list)| !list.is_empty())
+    }
 }
 
 /// Lists of a row of tiles.
@@ -103,6 +100,7 @@ pub fn draw(
     for seen in chunks {
         forward.splats.extend(seen.splats);
         forward.sources.extend(seen.sources);
+        forward.discs.extend(seen.discs);
         keys.extend(seen.keys);
     }
     let listed = Listed { splats: &forward.splats, keys: &keys, grid };
@@ -121,6 +119,7 @@ struct Seen {
     splats: Vec<Splat>,
     keys: Vec<ListKey>,
     sources: Vec<u32>,
+    discs: Vec<Disc>,
 }
 
 /// The Gaussians at `places` that are seen.
@@ -134,35 +133,37 @@ fn project(
     grid: &TileGrid,
 ) -> Seen {
     let mut seen = Seen::default();
-    let mut discs = Discs::new();
+    let mut batch = Discs::new();
     let mut sources = Vec::with_capacity(BATCH);
-    let mut flush = |discs: &mut Discs, sources: &mut Vec<u32>| {
+    let mut flush = |batch: &mut Discs, sources: &mut Vec<(u32, Disc)>| {
         let filled = seen.splats.len();
         seen.splats.resize(filled + BATCH, Splat::default());
         seen.keys.resize(filled + BATCH, ListKey::default());
         let slots = Slots { splats: &mut seen.splats[filled..], keys: &mut seen.keys[filled..] };
-        let touching = screen.splats(kernel, discs, grid, slots);
-        let drawn = (0..).zip(sources.drain(..)).filter(|&(lane, _)| touching >> lane & 1 == 1);
-        seen.sources.extend(drawn.map(|(_, source)| source));
+        let touching = screen.splats(kernel, batch, grid, slots);
+        for (lane, (source, disc)) in (0..).zip(sources.drain(..)) {
+            if touching >> lane & 1 == 1 {
+                seen.sources.push(source);
+                seen.discs.push(disc);
+            }
+        }
         seen.splats.truncate(seen.sources.len());
         seen.keys.truncate(seen.sources.len());
-        discs.clear();
+        batch.clear();
     };
     for i in places.filter(|&i| cloud.ranks[i] < prefix.count) {
-        let gaussian = &cloud.gaussians[i];
-        let Some(frame) = stage.visible(gaussian.triangle, screen.view.eye) else { continue };
-        let mut disc = gaussian.parameters.disc();
+        let Some(frame) = stage.visible(cloud.triangles[i], screen.view.eye) else { continue };
+        let disc = cloud.disc(&prefix, i);
         if !(disc.opacity >= LEAST_OPACITY) {
             continue;
         }
-        disc.log2_scale.iter_mut().for_each(|scale| *scale += prefix.log2_scale);
-        discs.push(&disc, frame);
-        sources.push(i as u32);
-        if discs.len() == BATCH {
-            flush(&mut discs, &mut sources);
+        batch.push(&disc, frame);
+        sources.push((i as u32, disc));
+        if batch.len() == BATCH {
+            flush(&mut batch, &mut sources);
         }
     }
-    flush(&mut discs, &mut sources);
+    flush(&mut batch, &mut sources);
     seen
 }
 

@@ -1,8 +1,11 @@
 //! The difference that training lessens.
 
+use rayon::prelude::*;
+
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
 use crate::picture::Picture;
+use crate::widest::widest;
 
 /// Weights of the terms: `l1 · mean |Δ| + l2 · mean Δ² + dssim · (1 − SSIM)`, means over the frame and
 /// its channels.
@@ -33,22 +36,23 @@ impl Loss {
         gradient.clear();
         gradient.resize(picture.rgb.len(), [0.0; 3]);
         let scale = 1.0 / (3 * picture.rgb.len()) as f32;
-        let mut sum = 0.0;
         let width = picture.width as usize;
-        for y in region.y..region.y + region.height {
-            let start = y as usize * width + region.x as usize;
-            let row = start..start + region.width as usize;
-            let pixels = picture.rgb[row.clone()].iter().zip(&truth.rgb[row.clone()]);
-            for (to, (a, b)) in gradient[row].iter_mut().zip(pixels) {
-                for i in 0..3 {
-                    let difference = a[i] - b[i];
-                    let sign = if difference == 0.0 { 0.0 } else { difference.signum() };
-                    to[i] = scale * (self.l1 * sign + self.l2 * 2.0 * difference);
-                    sum +=
-                        f64::from(self.l1 * difference.abs() + self.l2 * difference * difference);
-                }
-            }
-        }
+        let rows = gradient.par_chunks_mut(width).zip(picture.rgb.par_chunks(width));
+        let rows = rows.zip(truth.rgb.par_chunks(width)).skip(region.y as usize);
+        let columns = region.x as usize..(region.x + region.width) as usize;
+        let sums: Vec<f32> = rows
+            .take(region.height as usize)
+            .with_min_len(16)
+            .map(|((gradient, picture), truth)| {
+                let gradient = &mut gradient[columns.clone()];
+                let (picture, truth) = (&picture[columns.clone()], &truth[columns.clone()]);
+                widest(
+                    #[inline(always)]
+                    || self.row(picture, truth, scale, gradient),
+                )
+            })
+            .collect();
+        let sum: f64 = sums.into_iter().map(f64::from).sum();
         let mut loss = sum * f64::from(scale);
         if self.dssim > 0.0 {
             let (value, by_pixels) = ssim.ssim_with_gradient(picture, truth, region);
@@ -64,5 +68,26 @@ impl Loss {
             }
         }
         loss
+    }
+
+    /// Differences of a row: their gradient, and what they add up to.
+    #[inline(always)]
+    fn row(
+        &self,
+        picture: &[[f32; 3]],
+        truth: &[[f32; 3]],
+        scale: f32,
+        gradient: &mut [[f32; 3]],
+    ) -> f32 {
+        let pixels = picture.as_flattened().iter().zip(truth.as_flattened());
+        // Sums side by side, so that they need not wait for each other.
+        let mut sums = [0.0f32; 16];
+        for (i, (to, (a, b))) in gradient.as_flattened_mut().iter_mut().zip(pixels).enumerate() {
+            let difference = a - b;
+            let sign = if difference == 0.0 { 0.0 } else { difference.signum() };
+            *to = scale * (self.l1 * sign + self.l2 * 2.0 * difference);
+            sums[i % 16] += self.l1 * difference.abs() + self.l2 * difference * difference;
+        }
+        sums.into_iter().sum()
     }
 }

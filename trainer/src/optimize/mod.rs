@@ -4,8 +4,8 @@
 //! 2. [`forward`] draws them with the runtime's own projection, lists and blending.
 //! 3. [`loss`] compares with the truth.
 //! 4. [`backward`] walks the same lists again and sums gradients per splat; [`projection`] takes
-//!    them from the screen to the parameters.
-//! 5. [`adam`] moves the parameters.
+//!    them from the screen to the discs, many at once by [`discs`].
+//! 5. [`mover`] takes them to the parameters of the levels, which [`adam`] moves.
 //! 6. [`schedule`] says how many steps, which prefix, and which rates.
 //! 7. [`descend`] puts them in a loop.
 //!
@@ -15,7 +15,9 @@ pub mod adam;
 pub mod backward;
 pub mod cloud;
 pub mod descend;
+pub mod discs;
 pub mod forward;
 pub mod loss;
+pub mod mover;
 pub mod projection;
 pub mod schedule;

@@ -4,11 +4,8 @@
 use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::disc_on;
-use dermis_runtime::math::{Scalar, add, dot, scale};
+use dermis_runtime::math::{Real, add, dot, each, scale};
 use dermis_runtime::project::{HALF_LOG2_E, LOW_PASS, View};
-
-use super::backward::SplatGradient;
-use super::cloud::Parameters;
 
 /// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
 #[derive(Clone, Copy, Debug)]
@@ -32,56 +29,39 @@ pub struct ByDisc<R> {
     pub log2_scale: [R; 2],
 }
 
-/// Takes the gradient of one splat to all parameters of its Gaussian, which stands on `frame` and
-/// was drawn with `log2_factor` added to log₂ of its scales.
-pub fn by_parameters(
-    view: &View<f32>,
-    low_pass: LowPass,
-    frame: &Frame<f32>,
-    p: &Parameters,
-    log2_factor: f32,
-    gradient: &SplatGradient,
-) -> Parameters {
-    let by = ByScreen {
-        mean: gradient.mean,
-        falloff: gradient.falloff,
-        log2_opacity: gradient.log2_opacity,
-    };
-    let log2_scale = p.log2_scale.map(|s| s + log2_factor);
-    let by = by_disc(view, low_pass, frame, (p.position, p.angle, log2_scale), &by);
-    Parameters {
-        position: by.position,
-        angle: by.angle,
-        log2_scale: by.log2_scale,
-        // d log₂ o / d logit = (1 − o) / ln 2.
-        logit: gradient.log2_opacity * (1.0 - p.opacity()) * core::f32::consts::LOG2_E,
-        color: gradient.color,
-    }
-}
-
 /// Takes the gradient of one splat to the disc it came from, which was at `position`, `angle`,
 /// `log2_scale` in `frame`.
-pub fn by_disc<R: Scalar>(
+#[inline(always)]
+pub fn by_disc<R: Real>(
     view: &View<R>,
     low_pass: LowPass,
     frame: &Frame<R>,
     (position, angle, log2_scale): ([R; 3], R, [R; 2]),
     by: &ByScreen<R>,
 ) -> ByDisc<R> {
+    let zero = angle.like(0.0);
     let disc = disc_on(frame, position, angle, log2_scale);
     let p @ [x, y, z] = view.point(disc.center);
+    let slopes = [x / z, y / z];
     let [sx, sy] = view.slopes(p);
-    let (clamped_x, clamped_y) = (sx != x / z, sy != y / z);
     let [fx, fy] = view.focal();
     let (jx, jy) = (fx / z, fy / z);
-    let axes = disc.axes.map(|axis| view.direction(axis));
-    let b = axes.map(|[ax, ay, az]| [jx * (ax - sx * az), jy * (ay - sy * az)]);
+    let axes = each(
+        disc.axes,
+        #[inline(always)]
+        |axis| view.direction(axis),
+    );
+    let b = each(
+        axes,
+        #[inline(always)]
+        |[ax, ay, az]| [jx * (ax - sx * az), jy * (ay - sy * az)],
+    );
 
     let by_b = by_screen_axes(b, low_pass, by);
 
     // bᵢ = (jx (ax − sx az), jy (ay − sy az)).
-    let (mut by_jx, mut by_jy, mut by_sx, mut by_sy) = (R::ZERO, R::ZERO, R::ZERO, R::ZERO);
-    let mut by_axes = [[R::ZERO; 3]; 2];
+    let (mut by_jx, mut by_jy, mut by_sx, mut by_sy) = (zero, zero, zero, zero);
+    let mut by_axes = [[zero; 3]; 2];
     for (i, &[gu, gv]) in by_b.iter().enumerate() {
         let [ax, ay, az] = axes[i];
         by_axes[i] = [jx * gu, jy * gv, -(jx * sx * gu + jy * sy * gv)];
@@ -91,18 +71,26 @@ pub fn by_disc<R: Scalar>(
         by_sy = by_sy - gv * jy * az;
     }
     // mean = f (x / z) + c, j = f / z, s = x / z unless clamped.
-    let through = |by_s: R, clamped: bool| if clamped { R::ZERO } else { by_s };
-    let (by_slope_x, by_slope_y) =
-        (by.mean[0] * fx + through(by_sx, clamped_x), by.mean[1] * fy + through(by_sy, clamped_y));
-    let by_z = -(by_jx * jx + by_jy * jy + by_slope_x * (x / z) + by_slope_y * (y / z)) / z;
+    let [clamped_x, clamped_y] = [differ(sx, slopes[0]), differ(sy, slopes[1])];
+    let by_slope_x = by.mean[0] * fx + R::select(clamped_x, zero, by_sx);
+    let by_slope_y = by.mean[1] * fy + R::select(clamped_y, zero, by_sy);
+    let by_z = -(by_jx * jx + by_jy * jy + by_slope_x * slopes[0] + by_slope_y * slopes[1]) / z;
     let by_center = to_world(view, [by_slope_x / z, by_slope_y / z, by_z]);
-    let by_axes = by_axes.map(|g| to_world(view, g));
+    let by_axes = each(
+        by_axes,
+        #[inline(always)]
+        |g| to_world(view, g),
+    );
 
     let [sin, cos] = angle.line();
-    let [first, second] = log2_scale.map(R::exp2);
+    let [first, second] = each(
+        log2_scale,
+        #[inline(always)]
+        |scale: R| scale.exp2(),
+    );
     let along = add(scale(frame.x, cos), scale(frame.y, sin));
     let across = add(scale(frame.x, -sin), scale(frame.y, cos));
-    let ln2 = R::of(core::f32::consts::LN_2);
+    let ln2 = zero.like(core::f32::consts::LN_2);
     ByDisc {
         position: [dot(by_center, frame.x), dot(by_center, frame.y), dot(by_center, frame.z)],
         angle: first * dot(by_axes[0], across) - second * dot(by_axes[1], along),
@@ -112,15 +100,17 @@ pub fn by_disc<R: Scalar>(
 
 /// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)², κ = log₂e/2:
 /// falloff a = √(κ yy / D), b = −a xy / yy, c = √(κ / yy), log₂ opacity = … + ½ log₂(det Σ / D).
-fn by_screen_axes<R: Scalar>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
+#[inline(always)]
+fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
     let [[u0, v0], [u1, v1]] = b;
-    let h = R::of(LOW_PASS);
+    let constant = |x: f32| u0.like(x);
+    let (zero, h) = (constant(0.0), constant(LOW_PASS));
     let (xx, xy, yy) = (u0 * u0 + u1 * u1, u0 * v0 + u1 * v1, v0 * v0 + v1 * v1);
     let area = u0 * v1 - v0 * u1;
     let det = area * area;
     let filtered = det + h * (xx + yy) + h * h;
     let yy = yy + h;
-    let (two, kappa) = (R::of(2.0), R::of(HALF_LOG2_E));
+    let (two, kappa) = (constant(2.0), constant(HALF_LOG2_E));
     let a = (kappa * yy / filtered).sqrt();
     let slope = -(xy / yy);
     let c = (kappa / yy).sqrt();
@@ -129,11 +119,12 @@ fn by_screen_axes<R: Scalar>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>
     let by_xy = -(by_b * a / yy);
     let by_yy = (by_a * a - by_c * c) / (two * yy) - by_b * a * slope / yy;
     let mut by_filtered = -(by_a * a / (two * filtered));
-    let mut by_det = R::ZERO;
-    if low_pass == LowPass::Compensated && det > R::ZERO {
-        let per_ratio = by.log2_opacity * R::of(HALF_LOG2_E);
-        by_filtered = by_filtered - per_ratio / filtered;
-        by_det = per_ratio / det;
+    let mut by_det = zero;
+    if low_pass == LowPass::Compensated {
+        let spans = zero.below(det);
+        let per_ratio = by.log2_opacity * kappa;
+        by_filtered = by_filtered - R::select(spans, per_ratio / filtered, zero);
+        by_det = R::select(spans, per_ratio / det, zero);
     }
     let by_det = by_det + by_filtered;
     let by_trace = h * by_filtered;
@@ -150,8 +141,19 @@ fn by_screen_axes<R: Scalar>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>
     ]
 }
 
+/// Where a ≠ b; not where either is NaN.
+#[inline(always)]
+fn differ<R: Real>(a: R, b: R) -> R::Mask {
+    a.below(b) | b.below(a)
+}
+
 /// Transposed rotation: camera axes → world axes.
-fn to_world<R: Scalar>(view: &View<R>, [gx, gy, gz]: [R; 3]) -> [R; 3] {
+#[inline(always)]
+fn to_world<R: Real>(view: &View<R>, [gx, gy, gz]: [R; 3]) -> [R; 3] {
     let [x, y, z] = view.rows();
-    core::array::from_fn(|i| x[i] * gx + y[i] * gy + z[i] * gz)
+    each(
+        [0, 1, 2],
+        #[inline(always)]
+        |i: usize| x[i] * gx + y[i] * gy + z[i] * gz,
+    )
 }

@@ -1,7 +1,7 @@
 //! How long, how fast, and which prefix.
 
 use super::adam::Rates;
-use super::forward::Prefix;
+use super::cloud::{Cloud, Prefix};
 
 /// A small generator of random numbers whose sequence the seed fixes (PCG32, O'Neill 2014).
 #[derive(Clone, Debug)]
@@ -55,6 +55,9 @@ pub struct Schedule {
     pub last_rate: f32,
     /// How prefixes are drawn; `None`: always all.
     pub nested: Option<Nested>,
+    /// Step before which all levels have one set of parameters, and from which on each has its own; `None`: one
+    /// set to the end.
+    pub split: Option<u32>,
     /// Share of the steps before a background of a random colour, without which an avatar's white
     /// parts would be free to be transparent before white.
     pub random_background: f32,
@@ -86,13 +89,16 @@ impl Schedule {
     }
 
     /// The prefix of a step.
-    pub fn prefix(&self, len: u32, random: &mut Random) -> Prefix {
-        let Some(nested) = self.nested else { return Prefix { count: len, log2_scale: 0.0 } };
-        if random.unit() < nested.whole {
-            return Prefix::of(len, len);
-        }
-        let share = libm::powf(nested.least, random.unit());
-        Prefix::of(((len as f32 * share) as u32).clamp(1, len), len)
+    pub fn prefix(&self, cloud: &Cloud, random: &mut Random) -> Prefix {
+        let len = cloud.len() as u32;
+        let count = match self.nested {
+            Some(nested) if random.unit() >= nested.whole => {
+                let share = libm::powf(nested.least, random.unit());
+                ((len as f32 * share) as u32).clamp(1, len)
+            }
+            _ => len,
+        };
+        Prefix::of(count, cloud)
     }
 }
 

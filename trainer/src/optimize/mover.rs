@@ -1,0 +1,135 @@
+//! From the gradient by splats to a step of the parameters they came from.
+
+use std::iter::repeat_with;
+
+use dermis_format::{Disc, LowPass};
+use dermis_runtime::Camera;
+use dermis_runtime::project::View;
+use rayon::prelude::*;
+
+use super::adam::{Moments, Rates};
+use super::backward::SplatGradient;
+use super::cloud::{Cloud, Freedom, Parameters, Prefix};
+use super::discs::{BATCH, ByDiscs};
+use super::forward::{Forward, Stage};
+use crate::widest::widest;
+
+/// Gaussians that one task moves.
+const CHUNK: usize = 2048;
+
+/// One step of all Gaussians that were drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Mover<'a> {
+    /// Who looked.
+    pub camera: &'a Camera,
+    /// How the low-pass acted.
+    pub low_pass: LowPass,
+    /// The pose.
+    pub stage: &'a Stage,
+    /// What was drawn.
+    pub prefix: Prefix,
+    /// How far to go.
+    pub rates: Rates,
+}
+
+/// Neighbours in the cloud, at one level.
+struct Neighbours<'a> {
+    parameters: &'a mut [Parameters],
+    moments: &'a mut [Moments],
+    sigmas: &'a [f32],
+}
+
+impl Mover<'_> {
+    /// Moves the Gaussians of `forward`, of whose splats `gradients` are. `moments` and `sigmas` (standard
+    /// deviations at first) are those of each level.
+    pub fn advance(
+        &self,
+        cloud: &mut Cloud,
+        moments: &mut [Vec<Moments>],
+        sigmas: &[Vec<f32>],
+        forward: &Forward,
+        gradients: &[SplatGradient],
+    ) {
+        let Cloud { levels, freedoms, triangles, .. } = cloud;
+        let by_discs = ByDiscs {
+            view: View::new(self.camera),
+            low_pass: self.low_pass,
+            stage: self.stage,
+            triangles,
+            forward,
+            gradients,
+        };
+        let mut levels =
+            levels.iter_mut().zip(moments).zip(sigmas).map(|((parameters, moments), sigmas)| {
+                let chunks = parameters.chunks_mut(CHUNK).zip(moments.chunks_mut(CHUNK));
+                chunks.zip(sigmas.chunks(CHUNK)).map(|((parameters, moments), sigmas)| Neighbours {
+                    parameters,
+                    moments,
+                    sigmas,
+                })
+            });
+        let below = self.prefix.level.checked_sub(1).and_then(|below| levels.nth(below));
+        let Some(level) = levels.next() else { return };
+        // The level below holds the first ones only.
+        let below = below.filter(|_| self.prefix.lower_share > 0.0).into_iter().flatten();
+        let tasks: Vec<_> = level.zip(below.map(Some).chain(repeat_with(|| None))).collect();
+        tasks.into_par_iter().enumerate().for_each(|(chunk, (mut here, mut below))| {
+            let first = chunk * CHUNK;
+            let place =
+                |index| forward.sources.partition_point(|&source| (source as usize) < index);
+            let drawn = place(first)..place(first + here.parameters.len());
+            for start in drawn.clone().step_by(BATCH) {
+                let drawn = start..drawn.end.min(start + BATCH);
+                let discs = by_discs.of(drawn.clone());
+                let moves = drawn.zip(&discs);
+                widest(
+                    #[inline(always)]
+                    || self.step_all(moves, forward, first, freedoms, &mut here, &mut below),
+                );
+            }
+        });
+    }
+
+    /// Moves neighbours, of which the first is Gaussian `first`, at the level of the picture and, where they are
+    /// there, at the one below.
+    #[inline(always)]
+    fn step_all<'d>(
+        &self,
+        moves: impl Iterator<Item = (usize, &'d Disc)>,
+        forward: &Forward,
+        first: usize,
+        freedoms: &[Freedom],
+        here: &mut Neighbours<'_>,
+        below: &mut Option<Neighbours<'_>>,
+    ) {
+        for (drawn, by) in moves {
+            let index = forward.sources[drawn] as usize;
+            let (at, freedom) = (index - first, freedoms[index]);
+            match below.as_mut().filter(|below| at < below.parameters.len()) {
+                Some(below) => {
+                    let share = self.prefix.lower_share;
+                    self.step(here, at, by, 1.0 - share, freedom);
+                    self.step(below, at, by, share, freedom);
+                }
+                None => self.step(here, at, by, 1.0, freedom),
+            }
+        }
+    }
+
+    /// Moves one Gaussian at one level, of which the disc that was drawn took `share`.
+    #[inline(always)]
+    fn step(&self, all: &mut Neighbours<'_>, at: usize, by: &Disc, share: f32, freedom: Freedom) {
+        let parameters = &mut all.parameters[at];
+        let gradient = parameters.gradient(by);
+        let gradient = match freedom {
+            Freedom::Free => gradient,
+            Freedom::Anchored => Parameters { position: [0.0; 3], ..gradient },
+            Freedom::Opacity => Parameters { logit: gradient.logit, ..Parameters::default() },
+            Freedom::Fixed => return,
+        };
+        let gradient = gradient.to_array().map(|g| share * g);
+        if gradient.iter().all(|g| g.is_finite()) {
+            all.moments[at].step(parameters, &gradient, &self.rates, all.sigmas[at]);
+        }
+    }
+}
