@@ -1,5 +1,6 @@
 //! What training may be told.
 
+use crate::embed::detail::Detail;
 use crate::optimize::adam::Rates;
 use crate::optimize::loss::Loss;
 use crate::optimize::schedule::{Nested, Schedule};
@@ -49,6 +50,8 @@ pub struct Options {
     pub background: [f32; 3],
     /// What to lessen.
     pub loss: Loss,
+    /// Where more Gaussians go.
+    pub detail: Detail,
 }
 
 impl Options {
@@ -71,7 +74,13 @@ impl Options {
             seed: 1,
             background: [1.0; 3],
             loss: Loss::PAPER,
+            detail: Detail::default(),
         }
+    }
+
+    /// LoDAvatar: levels of chosen triangles alone, on top of [`Self::levels`].
+    pub fn detail_levels(&self) -> u32 {
+        if self.detail.is_asked() { self.detail.levels } else { 0 }
     }
 
     /// How a set that is trained as one descends.
