@@ -8,7 +8,7 @@ use dermis_trainer::options::Method;
 
 /// The choice of triangles, and what they get. Several choices add up.
 #[derive(clap::Args)]
-pub(crate) struct Arguments {
+pub(crate) struct DetailArguments {
     /// More detail where this picture of the mesh at rest is bright and opaque: on triangles in sight
     /// with all corners inside. As large as the camera's picture; repeatable.
     #[arg(long, value_name = "IMG")]
@@ -30,7 +30,7 @@ pub(crate) struct Arguments {
     detail_density: Option<f32>,
 }
 
-impl Arguments {
+impl DetailArguments {
     /// What they ask for; masks are read.
     pub(crate) fn detail(&self, method: Method) -> Result<Detail> {
         let (masks, cameras) = (&self.detail_mask, &self.detail_camera);

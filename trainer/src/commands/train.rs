@@ -49,7 +49,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     clips: Vec<String>,
     #[command(flatten)]
-    detail: super::detail::Arguments,
+    detail: super::detail::DetailArguments,
 }
 
 /// What `--json` prints.
