@@ -45,8 +45,8 @@ impl DetailMask {
     /// Reads a picture (PNG, JPEG or WebP) and its camera file.
     pub fn load(mask: &Path, camera: &Path) -> Result<Self> {
         let name = mask.display().to_string();
-        let image = import::image_file::decode(&output::read(mask)?)
-            .with_context(|| format!("{name}: the mask"))?;
+        let image =
+            import::image_file::decode(&output::read(mask)?).with_context(|| name.clone())?;
         Self::new(name, image, camera_file::read(camera)?.camera)
     }
 
