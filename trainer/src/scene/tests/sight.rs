@@ -48,7 +48,8 @@ fn vertices_are_seen_where_a_ray_reaches_them() {
     for direction in [Vec3::Z, vec3(0.6, 0.2, 0.8), vec3(-0.9, 0.5, 0.4), Vec3::NEG_X] {
         let direction = direction.normalize();
         let eye = (DISTANCE * direction).as_dvec3();
-        let camera = camera_towards(Vec3::ZERO, direction, DISTANCE, 1.2, 64, 64);
+        // Wide enough for everything to be in the picture.
+        let camera = camera_towards(Vec3::ZERO, direction, DISTANCE, 1.8, 64, 64);
         let places = vertices_in_sight(&painter, &posed, &camera);
         let mut seen = 0;
         for (vertex, place) in (0..).zip(&places) {
