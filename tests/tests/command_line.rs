@@ -233,8 +233,62 @@ fn wrong_names_and_numbers() {
         "train disc.obj -o out.dermis --method lodavatar --levels 8",
         &["disc.obj: ", "17476802 Gaussians in 8 levels", "; choose fewer --levels"],
     );
+    // Its only material is OBJ's default one.
+    fails(
+        &folder,
+        "train disc.obj -o out.dermis --method lodavatar --levels 4 --detail-material default --detail-levels 4",
+        &["disc.obj: ", "17476802 Gaussians in 8 levels", "; choose fewer --detail-levels"],
+    );
     misuses(&folder, "paint a.dermis", "paint");
     misuses(&folder, "", "Usage");
+}
+
+#[test]
+fn detail_is_chosen_by_masks_and_names() {
+    let folder = empty_folder("detail");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    let train = format!("train mesh.glb -o out.dermis {TINY}");
+    let lodavatar = "train mesh.glb -o out.dermis --preset draft --views 4 --keyframes 1 --size 24 \
+                     --method lodavatar";
+    misuses(&folder, &format!("{train} --detail-mask mask.png"), "--detail-camera");
+    misuses(&folder, &format!("{train} --detail-joints a --detail-levels 1"), "--detail-levels");
+    misuses(&folder, &format!("{train} --detail-density 2"), "--detail-density");
+    misuses(
+        &folder,
+        &format!("{train} --detail-joints a --detail-density 0.5"),
+        "--detail-density",
+    );
+    misuses(
+        &folder,
+        &format!("{lodavatar} --detail-joints a --detail-density 2"),
+        "--detail-density",
+    );
+    fails(&folder, &format!("{train} --detail-joints a"), &["mesh.glb: has no joints; "]);
+    fails(&folder, &format!("{train} --detail-material a"), &["mesh.glb: has no material a", "; "]);
+
+    // Two metres before the pyramid, upright: +Y is up in the world and down in the camera.
+    let camera = json!({
+        "width": 40, "height": 30, "fx": 30.0, "fy": 30.0, "cx": 20.0, "cy": 15.0,
+        "world_to_camera": [1, 0, 0, 0, 0, -1, 0, 0.5, 0, 0, -1, 3, 0, 0, 0, 1],
+    });
+    fs::write(folder.join("cam.json"), camera.to_string()).expect("it can be written");
+    for (name, size, luma) in
+        [("mask.png", [40, 30], 255), ("dark.png", [40, 30], 9), ("small.png", [20, 15], 255)]
+    {
+        let mask = image::GrayImage::from_pixel(size[0], size[1], image::Luma([luma]));
+        mask.save(folder.join(name)).expect("it can be written");
+    }
+    let masked = |mask: &str, camera: &str| {
+        format!("{lodavatar} --detail-mask {mask} --detail-camera {camera}")
+    };
+    fails(&folder, &masked("absent.png", "cam.json"), &["absent.png: ", "; "]);
+    fails(&folder, &masked("cam.json", "cam.json"), &["cam.json: ", "image", "; "]);
+    fails(&folder, &masked("mask.png", "mask.png"), &["mask.png: is not a camera file; "]);
+    fails(&folder, &masked("small.png", "cam.json"), &["small.png: is 20×15 px", "40×30", "; "]);
+    fails(&folder, &masked("dark.png", "cam.json"), &["dark.png: no triangle", "; "]);
+    // 5 vertices, 6 triangles at level 1; one of them looks at the camera, and gets 16 more.
+    let value = json(&folder, &masked("mask.png", "cam.json"));
+    assert_eq!(value["gaussians"], 5 + 6 * 5 + 16);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What training may be told.
 
+use crate::embed::detail::Detail;
 use crate::optimize::adam::Rates;
 use crate::optimize::loss::Loss;
 use crate::optimize::schedule::{Nested, Schedule};
@@ -55,6 +56,8 @@ pub struct Options {
     pub split: f32,
     /// How prefixes are drawn.
     pub nested: Nested,
+    /// Where more Gaussians go.
+    pub detail: Detail,
 }
 
 impl Options {
@@ -80,7 +83,13 @@ impl Options {
             per_level: false,
             split: 0.3,
             nested: Nested { whole: 0.3, least: 1.0 / 64.0 },
+            detail: Detail::default(),
         }
+    }
+
+    /// LoDAvatar: levels of chosen triangles alone, on top of [`Self::levels`].
+    pub fn detail_levels(&self) -> u32 {
+        if self.detail.is_asked() { self.detail.levels } else { 0 }
     }
 
     /// How a set that is trained as one descends.

@@ -43,6 +43,7 @@ pub struct Trained {
 /// Trains an avatar: truth, placement, descent, packing.
 pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let painter = Painter::new(model);
+    let detail = options.detail.select(model)?;
     let key_frames = key_frames(model, options)?;
     let mut source = package::rigged_mesh(model);
     source.key_frames = package::key_frames(&key_frames);
@@ -52,7 +53,8 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
-    let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, options)?;
+    let mut workshop =
+        Workshop::new(&source, &painter, &key_frames, views, &seen, detail, options)?;
     let cloud = match options.method {
         Method::Dermis => workshop.nested()?,
         Method::Lodavatar => workshop.hierarchical(),
@@ -112,6 +114,8 @@ struct Workshop<'a> {
     corners: Vec<[u32; 3]>,
     surface: Surface,
     weights: Vec<f32>,
+    /// Triangles chosen for detail.
+    detail: Option<Vec<bool>>,
     stages: Vec<Stage>,
     views: Vec<TrainingView>,
     random: Random,
@@ -125,6 +129,7 @@ impl<'a> Workshop<'a> {
         key_frames: &[KeyFrame],
         views: Vec<TrainingView>,
         seen: &[SideCount],
+        detail: Option<Vec<bool>>,
         options: &'a Options,
     ) -> Result<Self> {
         // Frames come from the runtime and the encoded mesh: what is trained on is what is drawn on.
@@ -140,10 +145,24 @@ impl<'a> Workshop<'a> {
         let corners = source.mesh.triangles.clone();
         let surface = Surface::new(rest.vertices(), &corners);
         let is_seen = |count: &SideCount| count.front + count.back > 0;
-        let weights =
+        let mut weights: Vec<f32> =
             seen.iter().map(|count| if is_seen(count) { 1.0 } else { UNSEEN_WEIGHT }).collect();
+        if let Some(selected) = &detail {
+            options.detail.thicken(&mut weights, selected);
+        }
         let random = Random::new(options.seed);
-        Ok(Self { painter, options, corners, surface, weights, stages, views, random, steps: 0 })
+        Ok(Self {
+            painter,
+            options,
+            corners,
+            surface,
+            weights,
+            detail,
+            stages,
+            views,
+            random,
+            steps: 0,
+        })
     }
 
     /// Even placement in one nested order.
@@ -171,17 +190,20 @@ impl<'a> Workshop<'a> {
         Ok(self.descend(cloud, &self.options.schedule()))
     }
 
-    /// LoDAvatar's levels, each on top of the trained ones before.
+    /// LoDAvatar's levels, each on top of the trained ones before; the last on chosen triangles alone.
     fn hierarchical(&mut self) -> Cloud {
         let vertices = self.painter.model().vertices.len();
         let (mut hierarchy, seeds) =
             Hierarchy::base(&self.surface, self.painter, &self.corners, vertices);
         let mut cloud = Cloud::arrange(hierarchy.layers(), &seeds);
         let mut schedule = self.options.schedule();
-        schedule.steps /= self.options.levels.max(1);
+        let uniform = self.options.levels.max(1);
+        let levels = uniform + self.options.detail_levels();
+        schedule.steps /= levels;
         cloud = self.descend(cloud, &schedule);
-        for _ in 1..self.options.levels {
-            let seeds = hierarchy.refine(&self.surface, self.painter, &cloud);
+        for level in 1..levels {
+            let detail = self.detail.as_deref().filter(|_| level >= uniform);
+            let seeds = hierarchy.refine(&self.surface, self.painter, &cloud, detail);
             cloud = self.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule);
         }
         cloud

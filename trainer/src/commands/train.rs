@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
-use dermis_trainer::embed::hierarchy::gaussians_at_level;
+use dermis_trainer::embed::hierarchy::{gaussians_at_level, gaussians_of_detail};
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{Method, Options, Preset};
 use dermis_trainer::{import, output, train};
@@ -48,6 +48,8 @@ pub(crate) struct Arguments {
     /// Clips to train on, by name [default: all but the last].
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     clips: Vec<String>,
+    #[command(flatten)]
+    detail: super::detail::DetailArguments,
 }
 
 /// What `--json` prints.
@@ -61,7 +63,7 @@ struct Report {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
-    let options = options(arguments, common);
+    let options = options(arguments, common)?;
     let output = output::Output::create(&arguments.output)?;
     let model = import::load(&arguments.mesh)?;
     check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
@@ -80,22 +82,28 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     })
 }
 
-/// LoDAvatar's count follows from the mesh, and grows by 4 with each level.
+/// LoDAvatar's count follows from the mesh and the choice of detail, and grows by 4 with each level.
 fn check_count(model: &Model, options: &Options) -> Result<()> {
     if options.method == Method::Lodavatar {
         let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
-        let levels = options.levels;
-        let count = gaussians_at_level(vertices, triangles, levels.max(1) - 1);
+        let last = options.levels.max(1) - 1;
+        let uniform = gaussians_at_level(vertices, triangles, last);
+        let selected = options.detail.select(model)?.unwrap_or_default();
+        let chosen = selected.iter().filter(|selected| **selected).count() as u64;
+        let more = options.detail_levels();
+        let count = uniform + gaussians_of_detail(chosen * 4u64.pow(last), more);
+        let levels = options.levels + more;
         ensure!(
             count <= u64::from(MAX_GAUSSIANS),
             "would have {count} Gaussians in {levels} levels, more than {MAX_GAUSSIANS}; \
-             choose fewer --levels"
+             choose fewer {}",
+            if uniform <= u64::from(MAX_GAUSSIANS) { "--detail-levels" } else { "--levels" }
         );
     }
     Ok(())
 }
 
-fn options(arguments: &Arguments, common: &Common) -> Options {
+fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
     let preset = Options::preset(arguments.preset);
     let lodavatar = arguments.method == Method::Lodavatar;
     if lodavatar && arguments.gaussians.is_some() {
@@ -103,7 +111,7 @@ fn options(arguments: &Arguments, common: &Common) -> Options {
             "--gaussians: lodavatar's count follows from the mesh; choose --levels instead",
         );
     }
-    Options {
+    Ok(Options {
         method: arguments.method,
         gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
         levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
@@ -112,6 +120,7 @@ fn options(arguments: &Arguments, common: &Common) -> Options {
         size: arguments.size.unwrap_or(preset.size),
         clips: arguments.clips.clone(),
         seed: common.seed,
+        detail: arguments.detail.detail(arguments.method)?,
         ..preset
-    }
+    })
 }

@@ -1,8 +1,9 @@
-//! LoDAvatar's hierarchical embedding (3.4–3.5, eqs. 6–9): uniform subdivision of every triangle.
+//! LoDAvatar's hierarchical embedding (3.4–3.6, eqs. 6–9): subdivision of every triangle, then of some.
 //!
 //! Level 0 has a Gaussian on each vertex and one at the centre of each triangle. A step joins the
 //! trained position of each centre Gaussian to its triangle's corners, which gives 3 new triangles
-//! beside the old one, and puts a Gaussian at the centre of each of the 4.
+//! beside the old one, and puts a Gaussian at the centre of each of the 4. Selective detail (3.6) takes
+//! such steps on chosen triangles alone.
 
 use glam::Vec3;
 
@@ -14,6 +15,12 @@ use crate::scene::Painter;
 /// Gaussians of a mesh with `vertices` and `triangles` at level `level`: V + F (4^(n+1) − 1) / 3.
 pub fn gaussians_at_level(vertices: u64, triangles: u64, level: u32) -> u64 {
     vertices + triangles * (4u64.pow(level + 1) - 1) / 3
+}
+
+/// Gaussians that `steps` further levels add on `sub_triangles` chosen triangles of the last level of
+/// all (each triangle of the mesh has 4ⁿ of them at level n): S (4 + 16 + … + 4^steps).
+pub fn gaussians_of_detail(sub_triangles: u64, steps: u32) -> u64 {
+    sub_triangles * (4u64.pow(steps + 1) - 4) / 3
 }
 
 /// A triangle of the current level.
@@ -69,8 +76,17 @@ impl Hierarchy {
         (hierarchy, seeds)
     }
 
-    /// The next level on top of a trained cloud: everything in it is fixed.
-    pub fn refine(&mut self, surface: &Surface, painter: &Painter<'_>, cloud: &Cloud) -> Vec<Seed> {
+    /// The next level on top of a trained cloud: everything in it is fixed. With `detail` (a choice of
+    /// the mesh's triangles) only what lies on chosen triangles is divided; what was left out once has
+    /// no part in later levels.
+    pub fn refine(
+        &mut self,
+        surface: &Surface,
+        painter: &Painter<'_>,
+        cloud: &Cloud,
+        detail: Option<&[bool]>,
+    ) -> Vec<Seed> {
+        let takes_part = |base: u32| detail.is_none_or(|selected| selected[base as usize]);
         let mut seeds = vec![None; cloud.len()];
         let gaussians = cloud.full().iter().zip(&cloud.triangles);
         for ((&parameters, &triangle), &origin) in gaussians.zip(&cloud.origins) {
@@ -78,16 +94,19 @@ impl Hierarchy {
         }
         let mut seeds: Vec<Seed> = seeds.into_iter().flatten().collect();
         let mut children = Vec::with_capacity(self.triangles.len() * 4);
-        for triangle in &self.triangles {
+        for triangle in self.triangles.iter().filter(|triangle| takes_part(triangle.base)) {
             let center = &seeds[triangle.center as usize];
             let apex = surface.barycentrics(triangle.base, center.parameters.position);
             let [a, b, c] = triangle.corners;
             let corners = [[apex, a, b], [apex, b, c], [apex, c, a], [a, b, c]];
             children.extend(corners.map(|corners| (triangle.base, corners)));
         }
-        let total: f32 = (0..surface.len()).map(|t| surface.area(t as u32)).sum();
+        // Each Gaussian stands for its share of the surface that is divided.
+        let divided = (0..surface.len() as u32).filter(|&triangle| takes_part(triangle));
+        let total: f32 = divided.map(|triangle| surface.area(triangle)).sum();
+        let there = seeds.iter().filter(|seed| takes_part(seed.triangle)).count();
         let before = seeds.len();
-        let area = total / (before + children.len()) as f32;
+        let area = total / (there + children.len()).max(1) as f32;
         self.add_level(surface, painter, children, area, &mut seeds);
         self.layers.push((seeds.len() - before) as u32);
         seeds
@@ -120,12 +139,102 @@ impl Hierarchy {
 
 #[cfg(test)]
 mod tests {
-    use super::gaussians_at_level;
+    use glam::{Vec2, Vec3, Vec4};
+
+    use super::{Hierarchy, gaussians_at_level, gaussians_of_detail};
+    use crate::embed::surface::Surface;
+    use crate::model::{Material, Model, Triangle, Vertex};
+    use crate::optimize::cloud::{Cloud, Freedom, Seed};
+    use crate::scene::Painter;
 
     #[test]
     fn smpl_has_the_counts_of_the_paper() {
         let counts: Vec<u64> =
             (0..4).map(|level| gaussians_at_level(6890, 13_776, level)).collect();
         assert_eq!(counts, [20_666, 75_770, 296_186, 1_177_850]);
+    }
+
+    #[test]
+    fn detail_has_the_counts_of_the_paper() {
+        // 5,175 sub-triangles at level 1.
+        let added: Vec<u64> = (0..3).map(|steps| gaussians_of_detail(5175, steps)).collect();
+        assert_eq!(added, [0, 20_700, 20_700 + 82_800]);
+        // All sub-triangles of level 1: the next levels.
+        let whole = gaussians_at_level(6890, 13_776, 1) + gaussians_of_detail(4 * 13_776, 2);
+        assert_eq!(whole, gaussians_at_level(6890, 13_776, 3));
+    }
+
+    /// A band of `triangles` triangles, and one more vertex than it has with 2.
+    fn band(triangles: u32) -> Model {
+        let vertex = |i: u32| Vertex {
+            position: Vec3::new((i / 2) as f32, (i % 2) as f32, 0.0) * 0.01,
+            uv: Vec2::ZERO,
+            color: Vec4::ONE,
+            influences: [(0, 0.0); 4],
+        };
+        let corners =
+            |i: u32| if i.is_multiple_of(2) { [i, i + 2, i + 1] } else { [i, i + 1, i + 2] };
+        Model {
+            vertices: (0..triangles + 2).map(vertex).collect(),
+            triangles: (0..triangles)
+                .map(|i| Triangle { corners: corners(i), material: 0 })
+                .collect(),
+            materials: vec![Material::default()],
+            ..Model::default()
+        }
+    }
+
+    /// All seeds after `uniform` levels and then `steps` on `selected` triangles, untrained; and the layers.
+    fn embedded(
+        model: &Model,
+        uniform: u32,
+        steps: u32,
+        selected: &[bool],
+    ) -> (Vec<u32>, Vec<Seed>) {
+        let positions: Vec<_> = model.vertices.iter().map(|v| v.position.to_array()).collect();
+        let corners: Vec<_> = model.triangles.iter().map(|t| t.corners).collect();
+        let (surface, painter) = (Surface::new(&positions, &corners), Painter::new(model));
+        let (mut hierarchy, mut seeds) =
+            Hierarchy::base(&surface, &painter, &corners, positions.len());
+        for step in 0..uniform + steps {
+            let cloud = Cloud::arrange(hierarchy.layers(), &seeds);
+            let detail = (step >= uniform).then_some(selected);
+            seeds = hierarchy.refine(&surface, &painter, &cloud, detail);
+        }
+        (hierarchy.layers(), seeds)
+    }
+
+    #[test]
+    fn detail_divides_chosen_triangles_alone() {
+        let model = band(6000);
+        let selected: Vec<bool> = (0..6000).map(|triangle| triangle % 6000 < 5175).collect();
+        let (layers, seeds) = embedded(&model, 0, 2, &selected);
+        assert_eq!(layers, [6002 + 6000, 20_700, 82_800]);
+        let (old, new) = seeds.split_at(layers[0] as usize);
+        assert!(new.iter().all(|seed| selected[seed.triangle as usize]));
+        assert!(old.iter().all(|seed| seed.freedom == Freedom::Fixed));
+        let last = &new[layers[1] as usize..];
+        assert!(last.iter().all(|seed| seed.freedom == Freedom::Free));
+    }
+
+    #[test]
+    fn detail_follows_uniform_levels() {
+        let model = band(60);
+        let selected: Vec<bool> = (0..60).map(|triangle| triangle % 4 == 1).collect();
+        let (layers, _) = embedded(&model, 1, 2, &selected);
+        assert_eq!(layers, [62 + 60, 4 * 60, 16 * 15, 64 * 15]);
+        let total = gaussians_at_level(62, 60, 1) + gaussians_of_detail(4 * 15, 2);
+        assert_eq!(u64::from(layers.iter().sum::<u32>()), total);
+    }
+
+    #[test]
+    fn detail_everywhere_is_a_level() {
+        let model = band(60);
+        let ((layers, seeds), (other_layers, other)) =
+            (embedded(&model, 2, 0, &[]), embedded(&model, 1, 1, &[true; 60]));
+        assert_eq!(layers, other_layers);
+        for (seed, other) in seeds.iter().zip(&other) {
+            assert_eq!((seed.triangle, seed.parameters), (other.triangle, other.parameters));
+        }
     }
 }

@@ -2,8 +2,9 @@
 //!
 //! [`surface`] measures the mesh at rest, [`placement`] spreads points evenly over it in coarse to
 //! fine order, [`hierarchy`] is LoDAvatar's embedding, [`initial`] gives points their first
-//! colour, scale and opacity, [`sides`] says which backs are seen.
+//! colour, scale and opacity, [`sides`] says which backs are seen, [`detail`] which triangles get more.
 
+pub mod detail;
 pub mod hierarchy;
 pub mod initial;
 pub mod placement;

@@ -1,4 +1,4 @@
-//! Decoding of texture images.
+//! Decoding of textures and masks.
 
 use anyhow::{Context, Result};
 use image::{ImageReader, RgbaImage};
@@ -6,7 +6,7 @@ use std::io::Cursor;
 
 /// Decodes PNG, JPEG or WebP, told apart by content because declared types are often wrong.
 /// The decoder's own limits stop images that claim more memory than sensible.
-pub(super) fn decode(bytes: &[u8]) -> Result<RgbaImage> {
+pub(crate) fn decode(bytes: &[u8]) -> Result<RgbaImage> {
     ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(anyhow::Error::from)

@@ -18,7 +18,7 @@
 //! wrong, and what to do.
 
 mod gltf;
-mod image_file;
+pub(crate) mod image_file;
 mod obj;
 
 use crate::model::Model;

@@ -37,6 +37,16 @@ impl Facet {
         self.inverse_depth.dot(at.extend(1.0)).clamp(self.range[0], self.range[1])
     }
 
+    /// Whether it is seen at pixel position `at` where nothing is before it. Edges belong to it, and a
+    /// little more, so that nothing shows between two triangles that share one.
+    pub(super) fn covers(&self, at: DVec2) -> bool {
+        let ray = at.extend(1.0);
+        let inverse_depth = self.inverse_depth.dot(ray);
+        // In units of the triangle: far below a vertex's own rounding.
+        let least = -1e-9 * inverse_depth;
+        inverse_depth * NEAR <= 1.0 && self.planes.iter().all(|plane| plane.dot(ray) >= least)
+    }
+
     /// What a square of `side` pixels around pixel position `at` shows: the weights of the corners
     /// in its middle (at least 0, adding up to 1), and its extent in the texture.
     pub(super) fn patch(&self, uvs: [Vec2; 3], at: DVec2, side: f64) -> (Vec3, Footprint) {
@@ -161,6 +171,23 @@ impl Setup {
             DVec3::new(x, y, z).dot(world.as_dvec3()) + w
         });
         DVec3::new(x, y, z)
+    }
+
+    /// Pixel position of a point in camera axes, if it is in front of the near plane and in the picture.
+    pub(super) fn place(&self, view: DVec3) -> Option<DVec2> {
+        let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
+        let at = self.pixel(view);
+        let inside = at.cmpge(DVec2::ZERO).all() && at.cmplt(size).all();
+        (view.z >= NEAR && inside).then_some(at)
+    }
+
+    /// Least and greatest pixel position of the part of a triangle (its corners in camera axes) that
+    /// is in front of the near plane and not far outside the picture.
+    pub(super) fn pixels(&self, corners: [DVec3; 3]) -> [DVec2; 2] {
+        let outline = self.clipped(corners).into_iter().map(|corner| self.pixel(corner));
+        outline.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[least, most], at| {
+            [least.min(at), most.max(at)]
+        })
     }
 
     /// Adds a triangle by its corners in camera axes. Triangles out of view, without area or not

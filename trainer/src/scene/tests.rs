@@ -4,6 +4,7 @@ mod keyframes;
 mod pose;
 mod render;
 mod rig;
+mod sight;
 mod texture;
 mod visibility;
 
