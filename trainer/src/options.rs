@@ -24,7 +24,8 @@ pub enum Preset {
     Best,
 }
 
-/// Everything that training depends on, beside the mesh. Same options, same bytes.
+/// Everything that training depends on, beside the mesh. Same options, same bytes; `memory_bytes`
+/// does not change them.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// How Gaussians are placed and trained.
@@ -49,6 +50,8 @@ pub struct Options {
     pub background: [f32; 3],
     /// What to lessen.
     pub loss: Loss,
+    /// Bound of the ground truth that is held in memory, bytes; the rest lies in a temporary file.
+    pub memory_bytes: u64,
 }
 
 impl Options {
@@ -71,6 +74,7 @@ impl Options {
             seed: 1,
             background: [1.0; 3],
             loss: Loss::PAPER,
+            memory_bytes: 2048 << 20,
         }
     }
 

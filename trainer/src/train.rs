@@ -22,7 +22,7 @@ use crate::options::{Method, Options};
 use crate::package;
 use crate::progress;
 use crate::scene::{self, KeyFrame, Painter, RigScale, SideCount};
-use crate::truth::{Crop, TrainingView};
+use crate::truth::{Crop, Store, TrainingView};
 
 /// Sub-samples along each side of a pixel of the truth.
 const SAMPLES: u32 = 4;
@@ -46,16 +46,16 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let key_frames = key_frames(model, options)?;
     let mut source = package::rigged_mesh(model);
     source.key_frames = package::key_frames(&key_frames);
-    let (views, seen) = observe(&painter, &key_frames, options);
+    let (views, seen) = observe(&painter, &key_frames, options)?;
     ensure!(
-        views.iter().any(|view| view.truth.rect.pixels() > 0),
+        views.iter().any(|view| view.truth.rect(0).pixels() > 0),
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
     let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, options)?;
     let cloud = match options.method {
         Method::Dermis => workshop.nested()?,
-        Method::Lodavatar => workshop.hierarchical(),
+        Method::Lodavatar => workshop.hierarchical()?,
     };
     let steps = workshop.steps;
     let scale_law = match options.method {
@@ -80,7 +80,8 @@ fn observe(
     painter: &Painter<'_>,
     key_frames: &[KeyFrame],
     options: &Options,
-) -> (Vec<TrainingView>, Vec<SideCount>) {
+) -> Result<(Vec<TrainingView>, Vec<SideCount>)> {
+    let store = Store::new(options.memory_bytes, &std::env::temp_dir());
     let model = painter.model();
     let rig = RigScale::of(model);
     let directions = &scene::training_directions()[..options.views.clamp(1, 42) as usize];
@@ -94,15 +95,16 @@ fn observe(
             cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
         let made = scene::render_views(painter, &shots, options.background, SAMPLES, |_, truth| {
             bar.inc(1);
-            (Crop::of(&truth, options.background), truth.seen)
+            Ok((store.keep(Crop::of(&truth, options.background))?, truth.seen))
         });
-        for (camera, (truth, counts)) in cameras.into_iter().zip(made) {
+        for (camera, made) in cameras.into_iter().zip(made) {
+            let (truth, counts): (_, Vec<SideCount>) = made?;
             seen.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             views.push(TrainingView { stage, camera, truth });
         }
     }
     bar.finish_and_clear();
-    (views, seen)
+    Ok((views, seen))
 }
 
 /// Everything that both methods of training use.
@@ -168,28 +170,28 @@ impl<'a> Workshop<'a> {
             })
             .collect();
         let mut cloud = Cloud::arrange(self.options.layers(seeds.len() as u32), &seeds);
-        self.descend(&mut cloud, &self.options.schedule());
+        self.descend(&mut cloud, &self.options.schedule())?;
         Ok(cloud)
     }
 
     /// LoDAvatar's levels, each on top of the trained ones before.
-    fn hierarchical(&mut self) -> Cloud {
+    fn hierarchical(&mut self) -> Result<Cloud> {
         let vertices = self.painter.model().vertices.len();
         let (mut hierarchy, seeds) =
             Hierarchy::base(&self.surface, self.painter, &self.corners, vertices);
         let mut cloud = Cloud::arrange(hierarchy.layers(), &seeds);
         let mut schedule = self.options.schedule();
         schedule.steps /= self.options.levels.max(1);
-        self.descend(&mut cloud, &schedule);
+        self.descend(&mut cloud, &schedule)?;
         for _ in 1..self.options.levels {
             let seeds = hierarchy.refine(&self.surface, self.painter, &cloud);
             cloud = Cloud::arrange(hierarchy.layers(), &seeds);
-            self.descend(&mut cloud, &schedule);
+            self.descend(&mut cloud, &schedule)?;
         }
-        cloud
+        Ok(cloud)
     }
 
-    fn descend(&mut self, cloud: &mut Cloud, schedule: &Schedule) {
+    fn descend(&mut self, cloud: &mut Cloud, schedule: &Schedule) -> Result<()> {
         let problem = Problem {
             stages: &self.stages,
             views: &self.views,
@@ -204,9 +206,10 @@ impl<'a> Workshop<'a> {
             smooth = Some(loss);
             bar.set_prefix(format!("loss {loss:.5}"));
             bar.set_position(u64::from(progress.step));
-        });
+        })?;
         bar.finish_and_clear();
         self.steps += schedule.steps;
+        Ok(())
     }
 }
 

@@ -48,6 +48,9 @@ pub(crate) struct Arguments {
     /// Clips to train on, by name [default: all but the last].
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     clips: Vec<String>,
+    /// Ground truth held in memory, MB of 2^20 bytes; the rest lies in a temporary file (in TMPDIR).
+    #[arg(long, value_name = "MB", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(0..=1 << 24))]
+    memory: u64,
 }
 
 /// What `--json` prints.
@@ -112,6 +115,7 @@ fn options(arguments: &Arguments, common: &Common) -> Options {
         size: arguments.size.unwrap_or(preset.size),
         clips: arguments.clips.clone(),
         seed: common.seed,
+        memory_bytes: arguments.memory << 20,
         ..preset
     }
 }

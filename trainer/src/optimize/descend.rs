@@ -1,5 +1,6 @@
 //! Gradient descent over pictures.
 
+use anyhow::Result;
 use dermis_format::LowPass;
 use dermis_runtime::project::View;
 use rayon::prelude::*;
@@ -13,7 +14,8 @@ use super::projection::by_parameters;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
-use crate::truth::TrainingView;
+use crate::picture::Picture;
+use crate::truth::{Scratch, TrainingView};
 
 /// Gaussians that one task moves.
 const CHUNK: usize = 4096;
@@ -42,16 +44,17 @@ pub struct Progress {
     pub loss: f64,
 }
 
-/// Moves the cloud's parameters through `schedule`, one picture a step, and reports each step.
+/// Moves the cloud's parameters through `schedule`, one picture a step, and reports each step. Fails
+/// where a picture cannot be read back.
 pub fn descend(
     cloud: &mut Cloud,
     problem: &Problem<'_>,
     schedule: &Schedule,
     random: &mut Random,
     mut report: impl FnMut(Progress),
-) {
+) -> Result<()> {
     if problem.views.is_empty() || cloud.is_empty() {
-        return;
+        return Ok(());
     }
     let mut moments = vec![Moments::default(); cloud.len()];
     // Steps of positions stay those of the first spacing: scales that grow must not run away.
@@ -59,6 +62,7 @@ pub fn descend(
         cloud.gaussians.iter().map(|g| standard_deviation(&g.parameters)).collect();
     let mut ssim = SsimWorkspace::default();
     let mut by_pixels = Vec::new();
+    let (mut scratch, mut truth) = (Scratch::default(), Picture::default());
     let mut order: Vec<usize> = Vec::new();
     for step in 0..schedule.steps {
         if order.is_empty() {
@@ -70,8 +74,8 @@ pub fn descend(
         let stage = &problem.stages[view.stage];
         let background = schedule.background(problem.background, random);
         let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
-        let truth = view.truth.picture(background);
-        let region = region(&forward, view.truth.rect);
+        view.truth.draw(background, 0, &mut scratch, &mut truth)?;
+        let region = region(&forward, view.truth.rect(0));
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
             report(Progress { step: step + 1, loss: 0.0 });
@@ -90,6 +94,7 @@ pub fn descend(
         mover.step(cloud, &mut moments, &sigmas, &forward, &gradients);
         report(Progress { step: step + 1, loss });
     }
+    Ok(())
 }
 
 fn standard_deviation(p: &Parameters) -> f32 {
