@@ -95,10 +95,11 @@ fn observe(
             cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
         let made = scene::render_views(painter, &shots, options.background, SAMPLES, |_, truth| {
             bar.inc(1);
-            Ok((store.keep(Crop::of(&truth, options.background))?, truth.seen))
+            let kept = store.keep(Crop::of(&truth, options.background));
+            kept.map(|kept| (kept, truth.seen))
         });
         for (camera, made) in cameras.into_iter().zip(made) {
-            let (truth, counts): (_, Vec<SideCount>) = made?;
+            let (truth, counts) = made?;
             seen.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             views.push(TrainingView { stage, camera, truth });
         }
