@@ -25,6 +25,10 @@ fn bytes_depend_on_the_seed_and_on_nothing_else() {
     for threads in [2, 3] {
         assert!(one == trained_by(threads, &options), "{threads} threads");
     }
+    for memory_bytes in [0, 5_000] {
+        let options = Options { memory_bytes, ..options.clone() };
+        assert!(one == trained_by(2, &options), "{memory_bytes} bytes of truth in memory");
+    }
     let other = Options { seed: options.seed + 1, ..options };
     assert!(one != trained_by(2, &other), "another seed is another avatar");
 }

@@ -25,7 +25,8 @@ pub enum Preset {
     Best,
 }
 
-/// Everything that training depends on, beside the mesh. Same options, same bytes.
+/// Everything that training depends on, beside the mesh. Same options, same bytes; `memory_bytes`
+/// does not change them.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// How Gaussians are placed and trained.
@@ -58,6 +59,8 @@ pub struct Options {
     pub nested: Nested,
     /// Where more Gaussians go.
     pub detail: Detail,
+    /// Bound of the ground truth that is held in memory, bytes; the rest lies in a temporary file.
+    pub memory_bytes: u64,
 }
 
 impl Options {
@@ -84,6 +87,7 @@ impl Options {
             split: 0.3,
             nested: Nested { whole: 0.3, least: 1.0 / 64.0 },
             detail: Detail::default(),
+            memory_bytes: 2048 << 20,
         }
     }
 

@@ -22,7 +22,7 @@ use crate::options::{Method, Options};
 use crate::package;
 use crate::progress;
 use crate::scene::{self, KeyFrame, Painter, RigScale, SideCount};
-use crate::truth::{Crop, TrainingView};
+use crate::truth::{Crop, Store, TrainingView};
 
 /// Sub-samples along each side of a pixel of the truth.
 const SAMPLES: u32 = 4;
@@ -47,9 +47,9 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let key_frames = key_frames(model, options)?;
     let mut source = package::rigged_mesh(model);
     source.key_frames = package::key_frames(&key_frames);
-    let (views, seen) = observe(&painter, &key_frames, options);
+    let (views, seen) = observe(&painter, &key_frames, options)?;
     ensure!(
-        views.iter().any(|view| view.truth.rect.pixels() > 0),
+        views.iter().any(|view| view.truth.rect(0).pixels() > 0),
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
@@ -57,7 +57,7 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
         Workshop::new(&source, &painter, &key_frames, views, &seen, detail, options)?;
     let cloud = match options.method {
         Method::Dermis => workshop.nested()?,
-        Method::Lodavatar => workshop.hierarchical(),
+        Method::Lodavatar => workshop.hierarchical()?,
     };
     let steps = workshop.steps;
     let scale_law = match options.method {
@@ -82,7 +82,8 @@ fn observe(
     painter: &Painter<'_>,
     key_frames: &[KeyFrame],
     options: &Options,
-) -> (Vec<TrainingView>, Vec<SideCount>) {
+) -> Result<(Vec<TrainingView>, Vec<SideCount>)> {
+    let store = Store::new(options.memory_bytes, &std::env::temp_dir());
     let model = painter.model();
     let rig = RigScale::of(model);
     let directions = &scene::training_directions()[..options.views.clamp(1, 42) as usize];
@@ -96,15 +97,17 @@ fn observe(
             cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
         let made = scene::render_views(painter, &shots, options.background, SAMPLES, |_, truth| {
             bar.inc(1);
-            (Crop::of(&truth, options.background), truth.seen)
+            let kept = store.keep(Crop::of(&truth, options.background));
+            kept.map(|kept| (kept, truth.seen))
         });
-        for (camera, (truth, counts)) in cameras.into_iter().zip(made) {
+        for (camera, made) in cameras.into_iter().zip(made) {
+            let (truth, counts) = made?;
             seen.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
             views.push(TrainingView { stage, camera, truth });
         }
     }
     bar.finish_and_clear();
-    (views, seen)
+    Ok((views, seen))
 }
 
 /// Everything that both methods of training use.
@@ -187,11 +190,11 @@ impl<'a> Workshop<'a> {
             })
             .collect();
         let cloud = Cloud::arrange(self.options.layers(seeds.len() as u32), &seeds);
-        Ok(self.descend(cloud, &self.options.schedule()))
+        self.descend(cloud, &self.options.schedule())
     }
 
     /// LoDAvatar's levels, each on top of the trained ones before; the last on chosen triangles alone.
-    fn hierarchical(&mut self) -> Cloud {
+    fn hierarchical(&mut self) -> Result<Cloud> {
         let vertices = self.painter.model().vertices.len();
         let (mut hierarchy, seeds) =
             Hierarchy::base(&self.surface, self.painter, &self.corners, vertices);
@@ -200,16 +203,16 @@ impl<'a> Workshop<'a> {
         let uniform = self.options.levels.max(1);
         let levels = uniform + self.options.detail_levels();
         schedule.steps /= levels;
-        cloud = self.descend(cloud, &schedule);
+        cloud = self.descend(cloud, &schedule)?;
         for level in 1..levels {
             let detail = self.detail.as_deref().filter(|_| level >= uniform);
             let seeds = hierarchy.refine(&self.surface, self.painter, &cloud, detail);
-            cloud = self.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule);
+            cloud = self.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule)?;
         }
-        cloud
+        Ok(cloud)
     }
 
-    fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Cloud {
+    fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
         let problem = Problem {
             stages: &self.stages,
             views: &self.views,
@@ -221,7 +224,7 @@ impl<'a> Workshop<'a> {
         let mut smooth = None;
         let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
         while !descent.is_done() {
-            let loss = descent.advance(|_| {});
+            let loss = descent.advance(|_| {})?;
             let loss = smooth.map_or(loss, |s: f64| 0.95 * s + 0.05 * loss);
             smooth = Some(loss);
             bar.set_prefix(format!("loss {loss:.5}"));
@@ -231,7 +234,7 @@ impl<'a> Workshop<'a> {
         self.steps += schedule.steps;
         let (cloud, random) = descent.finish();
         self.random = random;
-        cloud
+        Ok(cloud)
     }
 }
 

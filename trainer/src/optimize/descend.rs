@@ -1,5 +1,6 @@
 //! Gradient descent over pictures.
 
+use anyhow::Result;
 use dermis_format::LowPass;
 
 use super::adam::Moments;
@@ -11,7 +12,8 @@ use super::mover::Mover;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
-use crate::truth::TrainingView;
+use crate::picture::Picture;
+use crate::truth::{Scratch, TrainingView};
 
 /// What is to be matched.
 #[derive(Debug)]
@@ -61,6 +63,8 @@ pub struct Descent<'a> {
 /// Memory that steps share.
 #[derive(Debug, Default)]
 struct Workspace {
+    truth: Picture,
+    reading: Scratch,
     ssim: SsimWorkspace,
     by_pixels: Vec<[f32; 3]>,
 }
@@ -119,8 +123,8 @@ impl<'a> Descent<'a> {
     }
 
     /// Moves the cloud against the gradient of one picture's loss, which it returns; calls `lap` behind
-    /// each part.
-    pub fn advance(&mut self, mut lap: impl FnMut(Part)) -> f64 {
+    /// each part. It fails where a picture cannot be read.
+    pub fn advance(&mut self, mut lap: impl FnMut(Part)) -> Result<f64> {
         if self.schedule.split == Some(self.step) {
             self.split_into_levels();
         }
@@ -137,14 +141,14 @@ impl<'a> Descent<'a> {
         self.step += 1;
         let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
         lap(Part::Forward);
-        let truth = view.truth.picture(background);
-        let region = region(&forward, view.truth.rect);
+        let region = region(&forward, view.truth.rect(0));
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
-            return 0.0;
+            return Ok(0.0);
         }
-        let Workspace { ssim, by_pixels } = workspace;
-        let loss = problem.loss.with_gradient(&forward.picture, &truth, region, ssim, by_pixels);
+        let Workspace { truth, reading, ssim, by_pixels } = workspace;
+        view.truth.draw(background, 0, reading, truth)?;
+        let loss = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
         lap(Part::Loss);
         let gradients = by_splats(&forward, by_pixels);
         lap(Part::Backward);
@@ -152,7 +156,7 @@ impl<'a> Descent<'a> {
             Mover { camera: &view.camera, low_pass: problem.low_pass, stage, prefix, rates };
         mover.advance(cloud, &mut self.moments, &self.sigmas, &forward, &gradients);
         lap(Part::Move);
-        loss
+        Ok(loss)
     }
 }
 
