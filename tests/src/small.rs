@@ -15,6 +15,7 @@ pub fn options(gaussians: u32, steps: u32) -> Options {
     Options {
         gaussians,
         steps,
+        survey_steps: 0,
         levels: 3,
         views: 12,
         key_frames: 2,

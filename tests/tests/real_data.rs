@@ -9,7 +9,8 @@ use dermis_tests::small::WHITE;
 use dermis_trainer::draw::draw;
 use dermis_trainer::eval::{EvalOptions, Split, evaluate};
 use dermis_trainer::import;
-use dermis_trainer::options::{Method, Options, Preset};
+use dermis_trainer::methods::Method;
+use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::orbit::Orbit;
 use dermis_trainer::train::train;
 

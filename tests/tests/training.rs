@@ -5,9 +5,10 @@ use dermis_tests::small::{WHITE, options, trained_demo};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::embed::hierarchy::gaussians_at_level;
 use dermis_trainer::eval::{EvalOptions, Evaluation, Split, evaluate};
+use dermis_trainer::methods::Method;
 use dermis_trainer::model::{Material, Model, Triangle, Vertex};
 use dermis_trainer::optimize::cloud::Freedom;
-use dermis_trainer::options::{Method, Options};
+use dermis_trainer::options::Options;
 use dermis_trainer::train::{Trained, train};
 use glam::{Vec2, Vec3, Vec4};
 

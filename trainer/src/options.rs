@@ -1,18 +1,10 @@
 //! What training may be told.
 
 use crate::embed::detail::Detail;
+use crate::methods::Method;
 use crate::optimize::adam::Rates;
 use crate::optimize::loss::Loss;
-use crate::optimize::schedule::{Nested, Schedule};
-
-/// How Gaussians are placed and trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Method {
-    /// Even placement in one nested order; every prefix is trained.
-    Dermis,
-    /// LoDAvatar: uniform subdivision, level by level, earlier levels fixed.
-    Lodavatar,
-}
+use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -45,6 +37,9 @@ pub struct Options {
     pub clips: Vec<String>,
     /// Steps of one picture each.
     pub steps: u32,
+    /// Steps of a first cloud, whose error says where Gaussians go; with 0 they are spread evenly. Not of
+    /// [`Method::Lodavatar`], whose places follow from the mesh.
+    pub survey_steps: u32,
     /// Of everything random.
     pub seed: u64,
     /// Behind the avatar.
@@ -66,10 +61,10 @@ pub struct Options {
 impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
-        let (steps, key_frames, size) = match preset {
-            Preset::Draft => (1_200, 4, 540),
-            Preset::Default => (6_000, 20, 540),
-            Preset::Best => (10_000, 20, 1080),
+        let (steps, survey_steps, key_frames, size) = match preset {
+            Preset::Draft => (1_200, 150, 4, 540),
+            Preset::Default => (6_000, 300, 20, 540),
+            Preset::Best => (10_000, 300, 20, 1080),
         };
         Self {
             method: Method::Dermis,
@@ -80,12 +75,13 @@ impl Options {
             size,
             clips: Vec::new(),
             steps,
+            survey_steps,
             seed: 1,
             background: [1.0; 3],
             loss: Loss::PAPER,
             per_level: false,
             split: 0.3,
-            nested: Nested { whole: 0.3, least: 1.0 / 64.0 },
+            nested: Nested { whole: 0.3, level: 0.0, least: 1.0 / 64.0 },
             detail: Detail::default(),
             memory_bytes: 2048 << 20,
         }
@@ -96,18 +92,15 @@ impl Options {
         if self.detail.is_asked() { self.detail.levels } else { 0 }
     }
 
-    /// How a set that is trained as one descends.
-    pub fn schedule(&self) -> Schedule {
-        let nested = match self.method {
-            Method::Dermis => Some(self.nested),
-            Method::Lodavatar => None,
-        };
+    /// How a cloud descends.
+    pub fn schedule(&self, prefixes: Prefixes) -> Schedule {
         Schedule {
             steps: self.steps,
             rates: Rates::default(),
             last_rate: 0.1,
-            nested,
+            prefixes,
             split: self.per_level.then_some((self.steps as f32 * self.split) as u32),
+            shift: 0,
             random_background: 0.3,
         }
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use dermis_trainer::embed::detail::{Detail, DetailMask};
-use dermis_trainer::options::Method;
+use dermis_trainer::methods::Method;
 
 /// The choice of triangles, and what they get. Several choices add up.
 #[derive(clap::Args)]
@@ -25,7 +25,7 @@ pub(crate) struct DetailArguments {
     /// lodavatar: levels that are made of the chosen triangles alone, after --levels [default: 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     detail_levels: Option<u32>,
-    /// dermis: times as many Gaussians per area as elsewhere, of the same --gaussians [default: 4].
+    /// Others: times as many Gaussians per area as elsewhere, of the same --gaussians [default: 4].
     #[arg(long, value_name = "X", value_parser = density)]
     detail_density: Option<f32>,
 }
@@ -37,14 +37,12 @@ impl DetailArguments {
         if masks.len() != cameras.len() {
             super::misuse("--detail-mask, --detail-camera: give one camera for each mask");
         }
-        match method {
-            Method::Dermis if self.detail_levels.is_some() => super::misuse(
-                "--detail-levels: is lodavatar's; choose --detail-density, or --method lodavatar",
-            ),
-            Method::Lodavatar if self.detail_density.is_some() => super::misuse(
-                "--detail-density: is dermis'; choose --detail-levels, or --method dermis",
-            ),
-            Method::Dermis | Method::Lodavatar => {}
+        let subdivides = method == Method::Lodavatar;
+        if self.detail_levels.is_some() && !subdivides {
+            super::misuse("--detail-levels: is lodavatar's; choose --detail-density instead");
+        }
+        if self.detail_density.is_some() && subdivides {
+            super::misuse("--detail-density: is not lodavatar's; choose --detail-levels instead");
         }
         let read = masks.iter().zip(cameras).map(|(mask, camera)| DetailMask::load(mask, camera));
         let default = Detail::default();

@@ -7,8 +7,9 @@ use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
 use dermis_trainer::embed::hierarchy::{gaussians_at_level, gaussians_of_detail};
+use dermis_trainer::methods::Method;
 use dermis_trainer::model::Model;
-use dermis_trainer::options::{Method, Options, Preset};
+use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::{import, output, train};
 use serde::Serialize;
 

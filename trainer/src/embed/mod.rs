@@ -1,9 +1,10 @@
 //! Where Gaussians are put, and what they are before training.
 //!
-//! [`surface`] measures the mesh at rest, [`placement`] spreads points evenly over it in coarse to
+//! [`surface`] measures the mesh at rest, [`density`] says how densely points stand where, [`placement`] spreads them in coarse to
 //! fine order, [`hierarchy`] is LoDAvatar's embedding, [`initial`] gives points their first
 //! colour, scale and opacity, [`sides`] says which backs are seen, [`detail`] which triangles get more.
 
+pub mod density;
 pub mod detail;
 pub mod hierarchy;
 pub mod initial;

@@ -139,8 +139,9 @@ impl Cloud {
         cloud
     }
 
-    /// Gives every level parameters of its own, which start as wide as its count asks for.
-    pub fn split_into_levels(&mut self) {
+    /// Gives every level parameters of its own, `wider` added to log₂ of their scales: of how many Gaussians the
+    /// level has and how many there are.
+    pub fn split_into_levels(&mut self, wider: impl Fn([u32; 2]) -> f32) {
         let all = self.full().to_vec();
         let mut count = 0;
         let counts = self.layers.iter().map(|layer| {
@@ -153,7 +154,7 @@ impl Cloud {
         self.levels = counts
             .iter()
             .map(|&count| {
-                let wider = prefix_log2_scale(count, all.len() as u32);
+                let wider = wider([count, all.len() as u32]);
                 let widened = |p: &Parameters| {
                     let mut p = *p;
                     p.log2_scale.iter_mut().for_each(|scale| *scale += wider);

@@ -3,6 +3,8 @@
 use anyhow::Result;
 use dermis_format::LowPass;
 
+use dermis_runtime::plan::prefix_log2_scale;
+
 use super::adam::Moments;
 use super::backward::by_splats;
 use super::cloud::{Cloud, Parameters};
@@ -13,7 +15,7 @@ use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
 use crate::picture::Picture;
-use crate::truth::{Scratch, TrainingView};
+use crate::truth::{Scratch, TrainingView, scaled};
 
 /// What is to be matched.
 #[derive(Debug)]
@@ -106,7 +108,7 @@ impl<'a> Descent<'a> {
 
     /// From here on each level goes its own way, with the momentum of all.
     fn split_into_levels(&mut self) {
-        self.cloud.split_into_levels();
+        self.cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
         let of_level = |level: &Vec<Parameters>| self.moments[0][..level.len()].to_vec();
         self.moments = self.cloud.levels.iter().map(of_level).collect();
         let len = self.cloud.len();
@@ -139,21 +141,21 @@ impl<'a> Descent<'a> {
         let background = schedule.background(problem.background, random);
         let rates = schedule.rates_at(self.step);
         self.step += 1;
-        let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
+        let camera = scaled(&view.camera, schedule.shift);
+        let forward = draw(cloud, prefix, stage, &camera, problem.low_pass, background);
         lap(Part::Forward);
-        let region = region(&forward, view.truth.rect(0));
+        let region = region(&forward, view.truth.rect(schedule.shift));
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
             return Ok(0.0);
         }
         let Workspace { truth, reading, ssim, by_pixels } = workspace;
-        view.truth.draw(background, 0, reading, truth)?;
+        view.truth.draw(background, schedule.shift, reading, truth)?;
         let loss = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
         lap(Part::Loss);
         let gradients = by_splats(&forward, by_pixels);
         lap(Part::Backward);
-        let mover =
-            Mover { camera: &view.camera, low_pass: problem.low_pass, stage, prefix, rates };
+        let mover = Mover { camera: &camera, low_pass: problem.low_pass, stage, prefix, rates };
         mover.advance(cloud, &mut self.moments, &self.sigmas, &forward, &gradients);
         lap(Part::Move);
         Ok(loss)

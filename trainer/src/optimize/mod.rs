@@ -20,4 +20,5 @@ pub mod forward;
 pub mod loss;
 pub mod mover;
 pub mod projection;
+pub mod residual;
 pub mod schedule;

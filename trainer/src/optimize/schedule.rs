@@ -53,21 +53,36 @@ pub struct Schedule {
     pub rates: Rates,
     /// The last step's rates, relative to the first one's.
     pub last_rate: f32,
-    /// How prefixes are drawn; `None`: always all.
-    pub nested: Option<Nested>,
+    /// What the steps draw.
+    pub prefixes: Prefixes,
     /// Step before which all levels have one set of parameters, and from which on each has its own; `None`: one
     /// set to the end.
     pub split: Option<u32>,
+    /// Pictures are matched at 1/2^shift of their size.
+    pub shift: u32,
     /// Share of the steps before a background of a random colour, without which an avatar's white
     /// parts would be free to be transparent before white.
     pub random_background: f32,
 }
 
+/// What steps draw of a cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Prefixes {
+    /// All of it.
+    All,
+    /// A level.
+    Level(usize),
+    /// Prefixes of many lengths.
+    Nested(Nested),
+}
+
 /// How prefixes are drawn.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nested {
     /// Share of the steps that draw all.
     pub whole: f32,
+    /// Share of the steps that draw exactly a level before the last, where levels have parameters of their own.
+    pub level: f32,
     /// The least prefix, as a share of all; others are log-uniform between it and all.
     pub least: f32,
 }
@@ -91,14 +106,28 @@ impl Schedule {
     /// The prefix of a step.
     pub fn prefix(&self, cloud: &Cloud, random: &mut Random) -> Prefix {
         let len = cloud.len() as u32;
-        let count = match self.nested {
-            Some(nested) if random.unit() >= nested.whole => {
-                let share = libm::powf(nested.least, random.unit());
-                ((len as f32 * share) as u32).clamp(1, len)
-            }
-            _ => len,
+        let count = match self.prefixes {
+            Prefixes::All => len,
+            Prefixes::Level(level) => cloud.levels[level].len() as u32,
+            Prefixes::Nested(nested) => nested.count(cloud, random),
         };
         Prefix::of(count, cloud)
+    }
+}
+
+impl Nested {
+    fn count(&self, cloud: &Cloud, random: &mut Random) -> u32 {
+        let len = cloud.len() as u32;
+        let earlier = cloud.levels.len().saturating_sub(1) as u32;
+        let draw = random.unit();
+        if draw < self.whole {
+            len
+        } else if draw < self.whole + self.level && earlier > 0 {
+            cloud.levels[random.below(earlier) as usize].len() as u32
+        } else {
+            let share = libm::powf(self.least, random.unit());
+            ((len as f32 * share) as u32).clamp(1, len)
+        }
     }
 }
 

@@ -2,9 +2,11 @@
 //!
 //! 1. [`crop`] cuts a picture to what the mesh covers; `runs` writes its rows as bytes.
 //! 2. [`store`] keeps those bytes in memory up to a bound, and the rest in one temporary file (`spill`).
-//! 3. [`scale`] says what a coarser picture's camera and rectangle are.
+//! 3. [`mod@observe`] makes the pictures of all cameras and key frames.
+//! 4. [`scale`] says what a coarser picture's camera and rectangle are.
 
 pub mod crop;
+pub mod observe;
 mod runs;
 pub mod scale;
 mod spill;
@@ -14,6 +16,7 @@ pub mod store;
 mod tests;
 
 pub use crop::{Crop, Scratch};
+pub use observe::observe;
 pub use scale::scaled;
 pub use store::{Store, Stored};
 

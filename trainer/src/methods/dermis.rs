@@ -1,0 +1,15 @@
+//! The nested order: even placement, every prefix trained.
+
+use anyhow::Result;
+
+use super::workshop::Workshop;
+use crate::optimize::cloud::Cloud;
+use crate::optimize::schedule::Prefixes;
+
+pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Cloud> {
+    let options = shop.options;
+    let layers = options.layers(options.gaussians);
+    let seeds = shop.place(&layers, |_| options.gaussians)?;
+    let cloud = Cloud::arrange(options.layers(seeds.len() as u32), &seeds);
+    shop.descend(cloud, &options.schedule(Prefixes::Nested(options.nested)))
+}

@@ -1,0 +1,58 @@
+//! Ways to train a cloud: ours and the papers', on the same machinery.
+//!
+//! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
+//! 2. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
+
+mod alone;
+mod dermis;
+mod lapisgs;
+mod lodavatar;
+mod workshop;
+
+pub use workshop::Workshop;
+
+use anyhow::Result;
+use dermis_format::ScaleLaw;
+
+use crate::optimize::cloud::{Cloud, Freedom};
+
+/// How Gaussians are placed and trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Even placement in one nested order; every prefix is trained.
+    Dermis,
+    /// LoDAvatar: uniform subdivision, level by level, earlier levels fixed.
+    Lodavatar,
+    /// LapisGS: layer by layer on an image pyramid, earlier layers fixed but for an opacity per level.
+    Lapisgs,
+    /// LapisGS with earlier layers fixed altogether.
+    Freeze,
+    /// Trained at full size alone, to be shown at every scale.
+    Single,
+    /// Trained for its count and size alone: one of a series of files.
+    Multiscale,
+    /// As single; a coarser level leaves out what is least significant.
+    Downsample,
+}
+
+impl Method {
+    /// How a prefix widens its Gaussians.
+    pub fn scale_law(self) -> ScaleLaw {
+        match self {
+            Self::Dermis => ScaleLaw::SquareRoot,
+            _ => ScaleLaw::Constant,
+        }
+    }
+
+    /// Trains a cloud.
+    pub fn train(self, shop: &mut Workshop<'_>) -> Result<Cloud> {
+        match self {
+            Self::Dermis => dermis::train(shop),
+            Self::Lodavatar => lodavatar::train(shop),
+            Self::Lapisgs => lapisgs::train(shop, Freedom::Opacity),
+            Self::Freeze => lapisgs::train(shop, Freedom::Fixed),
+            Self::Single | Self::Multiscale => alone::train(shop),
+            Self::Downsample => alone::downsample(shop),
+        }
+    }
+}

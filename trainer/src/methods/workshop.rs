@@ -1,0 +1,201 @@
+//! What all methods share: the posed mesh, the pictures of it, placement and descent.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+use dermis_format::Avatar;
+use dermis_format::source::{Mathematics, Source};
+use dermis_runtime::{Kernel, Pose, Posed};
+use rayon::prelude::*;
+
+use crate::embed::density;
+use crate::embed::initial::seed;
+use crate::embed::placement::spread;
+use crate::embed::surface::{Surface, SurfacePoint};
+use crate::optimize::cloud::{Cloud, Freedom, Seed};
+use crate::optimize::descend::{Descent, Problem};
+use crate::optimize::forward::Stage;
+use crate::optimize::residual;
+use crate::optimize::schedule::{Prefixes, Random, Schedule};
+use crate::options::Options;
+use crate::package;
+use crate::progress;
+use crate::scene::{self, KeyFrame, Painter, SideCount};
+use crate::train::runtime_pose;
+use crate::truth::TrainingView;
+
+/// Density of Gaussians on triangles that no training view sees.
+const UNSEEN_WEIGHT: f32 = 0.1;
+
+/// What all methods share.
+pub struct Workshop<'a> {
+    pub(super) painter: &'a Painter<'a>,
+    pub(super) options: &'a Options,
+    /// Vertices of each triangle.
+    pub(super) corners: Vec<[u32; 3]>,
+    pub(super) surface: Surface,
+    /// Wanted density of Gaussians on each triangle, relative to the others.
+    pub(super) weights: Vec<f32>,
+    /// Triangles chosen for detail.
+    pub(super) detail: Option<Vec<bool>>,
+    stages: Vec<Stage>,
+    views: Vec<TrainingView>,
+    pub(super) random: Random,
+    steps: u32,
+}
+
+impl<'a> Workshop<'a> {
+    /// For the mesh of `source`, which `views` show in the poses of `key_frames` and of which they have `seen` so much
+    /// of each triangle; `detail` are the triangles chosen for it.
+    pub fn new(
+        source: &Source,
+        painter: &'a Painter<'a>,
+        key_frames: &[KeyFrame],
+        views: Vec<TrainingView>,
+        seen: &[SideCount],
+        detail: Option<Vec<bool>>,
+        options: &'a Options,
+    ) -> Result<Self> {
+        // Frames come from the runtime and the encoded mesh: what is trained on is what is drawn on.
+        let bytes = package::encode(source)?;
+        let avatar = Avatar::parse(&bytes).context("the mesh alone cannot be read back")?;
+        let two_sided: Arc<[bool]> = source.mesh.two_sided.clone().into();
+        let stages = key_frames
+            .par_iter()
+            .map(|frame| stage(&avatar, &runtime_pose(frame), two_sided.clone()));
+        let stages = stages.collect::<Result<Vec<_>>>()?;
+        let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+        let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
+        let corners = source.mesh.triangles.clone();
+        let surface = Surface::new(rest.vertices(), &corners);
+        let is_seen = |count: &SideCount| count.front + count.back > 0;
+        let mut weights: Vec<f32> =
+            seen.iter().map(|count| if is_seen(count) { 1.0 } else { UNSEEN_WEIGHT }).collect();
+        if let Some(selected) = &detail {
+            options.detail.thicken(&mut weights, selected);
+        }
+        let random = Random::new(options.seed);
+        Ok(Self {
+            painter,
+            options,
+            corners,
+            surface,
+            weights,
+            detail,
+            stages,
+            views,
+            random,
+            steps: 0,
+        })
+    }
+    /// Steps taken so far.
+    pub fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Gaussians on the surface, coarse to fine, denser where the error is; otherwise as
+    /// [`Self::spread_out`].
+    pub(super) fn place(
+        &mut self,
+        layers: &[u32],
+        spread_over: impl Fn(usize) -> u32 + Sync,
+    ) -> Result<Vec<Seed>> {
+        if self.options.survey_steps > 0 {
+            self.weigh_by_residual()?;
+        }
+        self.spread_out(layers, spread_over)
+    }
+
+    /// Gaussians spread over the surface, coarse to fine, by the density of each triangle, `layers` of them (fewer
+    /// in the last ones where there is no room). Those of layer i are as wide as `spread_over(i)` of them ask for.
+    fn spread_out(
+        &mut self,
+        layers: &[u32],
+        spread_over: impl Fn(usize) -> u32 + Sync,
+    ) -> Result<Vec<Seed>> {
+        let (surface, painter, weights) = (&self.surface, self.painter, &self.weights);
+        let wanted = layers.iter().sum::<u32>() as usize;
+        let accept = |point: &_| is_painted(painter, point);
+        let points = spread(surface, weights, wanted, &mut self.random, accept);
+        ensure!(
+            !points.is_empty(),
+            "the mesh has no visible surface; check its alpha and its scale"
+        );
+        let weighted = |(triangle, weight): (u32, &f32)| weight * surface.area(triangle);
+        let covered: f32 = (0..).zip(weights).map(weighted).sum();
+        // Where darts found no room there are fewer than wanted, and each stands for more.
+        let found = points.len() as f32 / wanted as f32;
+        let mut last = 0;
+        let ends: Vec<u32> = layers
+            .iter()
+            .map(|layer| {
+                last += layer;
+                last
+            })
+            .collect();
+        let seeds = points.par_iter().enumerate().map(|(rank, point)| {
+            let layer = ends.partition_point(|&end| end <= rank as u32);
+            // Where points stand further apart each stands for more of the surface.
+            let density = weights[point.triangle as usize];
+            let area = covered / (found * spread_over(layer) as f32) / density;
+            seed(surface, painter, point, area, Freedom::Free)
+        });
+        Ok(seeds.collect())
+    }
+
+    /// The density of each triangle by what an evenly spread cloud of all Gaussians, trained for a while,
+    /// leaves of the error on it.
+    fn weigh_by_residual(&mut self) -> Result<()> {
+        let options = self.options;
+        let seeds = self.spread_out(&[options.gaussians], |_| options.gaussians)?;
+        let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
+        let mut schedule = options.schedule(Prefixes::All);
+        schedule.steps = options.survey_steps;
+        let cloud = self.descend(cloud, &schedule)?;
+        let residuals = residual::by_triangles(&cloud, &self.problem(), self.surface.len())?;
+        density::follow(&residuals, &self.surface, &mut self.weights);
+        Ok(())
+    }
+
+    fn problem(&self) -> Problem<'_> {
+        Problem {
+            stages: &self.stages,
+            views: &self.views,
+            background: self.options.background,
+            low_pass: Mathematics::default().low_pass,
+            loss: self.options.loss,
+        }
+    }
+
+    /// Trains a cloud.
+    pub(super) fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
+        let problem = self.problem();
+        let bar = progress::bar("training", u64::from(schedule.steps));
+        let mut smooth = None;
+        let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
+        while !descent.is_done() {
+            let loss = descent.advance(|_| {})?;
+            let loss = smooth.map_or(loss, |s: f64| 0.95 * s + 0.05 * loss);
+            smooth = Some(loss);
+            bar.set_prefix(format!("loss {loss:.5}"));
+            bar.set_position(u64::from(descent.step()));
+        }
+        bar.finish_and_clear();
+        let (cloud, random) = descent.finish();
+        self.steps += schedule.steps;
+        self.random = random;
+        Ok(cloud)
+    }
+}
+
+/// Whether a texture's alpha leaves anything of the surface at a point.
+fn is_painted(painter: &Painter<'_>, point: &SurfacePoint) -> bool {
+    painter.coverage(point.triangle as usize, point.barycentrics, &scene::Footprint::POINT) >= 0.02
+}
+
+fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>, two_sided: Arc<[bool]>) -> Result<Stage> {
+    let mut scratch = vec![0; Posed::scratch_len(avatar)];
+    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
+    let frames = (0..avatar.header().triangles).map(|triangle| posed.frame(triangle)).collect();
+    Ok(Stage { frames, two_sided })
+}
