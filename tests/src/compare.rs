@@ -7,13 +7,13 @@ use dermis_trainer::eval::reference::draw_reference;
 use dermis_trainer::metrics::psnr::psnr_db;
 use dermis_trainer::model::Model;
 use dermis_trainer::optimize::cloud::Prefix;
-use dermis_trainer::optimize::forward;
+use dermis_trainer::optimize::forward::{self, Stage};
 use dermis_trainer::options::Options;
 use dermis_trainer::scene::{self, Painter, RigScale};
 use dermis_trainer::train::{Trained, key_frames, runtime_pose};
 
 use crate::picture::{bytes, unrounded, worst};
-use crate::small::{WHITE, stage};
+use crate::small::WHITE;
 
 /// How far a picture is from the reference's.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +79,7 @@ pub fn cost_of_packing(
     let mut pictures = 0.0;
     for frame in key_frames(model, options).expect("its clips exist") {
         let pose = runtime_pose(&frame);
-        let stage = stage(&avatar, &pose);
+        let stage = Stage::of(&avatar, &pose).expect("it can be posed");
         let posed = scene::posed_vertices(model, &frame.pose(model));
         let directions = &scene::novel_directions()[..views];
         for camera in RigScale::of(model).cameras(directions, &posed, options.size, options.size) {

@@ -1,9 +1,7 @@
 //! The built-in avatar, trained small.
 
-use dermis_runtime::{Avatar, Kernel, Pose, Posed};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::model::Model;
-use dermis_trainer::optimize::forward::Stage;
 use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::train::{Trained, train};
 
@@ -29,16 +27,4 @@ pub fn trained_demo(options: &Options) -> (Model, Trained) {
     let model = demo_avatar();
     let trained = train(&model, options).expect("the built-in avatar trains");
     (model, trained)
-}
-
-/// A pose of an avatar as training sees it.
-pub fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Stage {
-    let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    let posed =
-        Posed::new(avatar, pose, Kernel::detect(), &mut scratch).expect("scratch is long enough");
-    let triangles = avatar.header().triangles;
-    Stage {
-        frames: (0..triangles).map(|triangle| posed.frame(triangle)).collect(),
-        two_sided: (0..triangles).map(|t| avatar.is_two_sided(t as usize)).collect(),
-    }
 }

@@ -3,8 +3,6 @@
 //! A derivative is (8 (f(x + h) − f(x − h)) − (f(x + 2h) − f(x − 2h))) / 12h, whose error is of the
 //! fourth order, so that h can be large enough for rounding not to matter.
 
-use std::sync::Arc;
-
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::Camera;
 use dermis_runtime::frame::Frame;
@@ -194,7 +192,7 @@ impl Scene {
             .collect();
         let frame = |c: &[[f32; 3]; 3]| Frame::of_triangle(FrameKind::Area, *c);
         let stage =
-            Stage { frames: corners.iter().map(frame).collect(), two_sided: Arc::from([false; 4]) };
+            Stage { frames: corners.iter().map(frame).collect(), two_sided: Box::new([false; 4]) };
         let pixels = (SIZE * SIZE) as usize;
         let weights =
             (0..pixels).map(|_| [0; 3].map(|_| between(&mut random, -0.2, 1.0))).collect();

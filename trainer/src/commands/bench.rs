@@ -10,7 +10,7 @@ use dermis_runtime::{Avatar, Camera, Kernel};
 use dermis_trainer::bench::approximations::Source;
 use dermis_trainer::bench::once::draw_once;
 use dermis_trainer::bench::stages::Scene;
-use dermis_trainer::bench::{Bench, Options, measure, plot};
+use dermis_trainer::bench::{Bench, Options, machine, measure, plot, training};
 use dermis_trainer::camera_file::{self, Shot};
 use dermis_trainer::orbit::Orbit;
 use dermis_trainer::{mannequin, output};
@@ -53,6 +53,9 @@ pub(crate) struct Arguments {
     /// Write a plot of speed against error.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
+    /// Measure steps of training all Gaussians of the file, --runs of them, on each number of threads.
+    #[arg(long, conflicts_with_all = ["scene", "kernel", "budget", "approximations", "svg"])]
+    training: bool,
     /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
     /// instructions.
     #[arg(long, conflicts_with_all = ["runs", "approximations", "svg"])]
@@ -96,6 +99,14 @@ struct Report {
     bench: Bench,
 }
 
+/// What `--training --json` prints.
+#[derive(Serialize)]
+struct TrainingReport {
+    avatar: String,
+    cpu: String,
+    rows: Vec<training::Row>,
+}
+
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let svg = arguments.svg.as_deref().map(output::Output::create).transpose()?;
     let (name, bytes, source) = match (&arguments.scene, &arguments.file) {
@@ -109,6 +120,11 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let avatar = Avatar::parse(&bytes).with_context(|| name.clone())?;
     if arguments.once {
         return once(&avatar, arguments).context(name);
+    }
+    if arguments.training {
+        let rows = training(&avatar, arguments, common).with_context(|| name.clone())?;
+        let report = TrainingReport { avatar: name, cpu: machine::cpu(), rows };
+        return super::print(common, &report, tables::training);
     }
     let bench = bench(&avatar, source.as_ref(), arguments, common).with_context(|| name.clone())?;
     if let Some(svg) = svg {
@@ -126,19 +142,32 @@ fn bench(
     common: &Common,
 ) -> Result<Bench> {
     let pose = arguments.posing.pose(avatar)?;
-    let threads = match common.threads.as_slice() {
-        [] => vec![1],
-        some => some.iter().map(|&n| usize::from(n)).collect(),
-    };
     let options = Options {
         kernels: kernels(&arguments.kernel)?,
         shots: shots(avatar, arguments)?,
         budgets: budgets(avatar, arguments),
-        threads,
+        threads: threads(common),
         runs: arguments.runs,
         approximations: arguments.approximations,
     };
     measure(avatar, &pose, source, &options)
+}
+
+fn training(
+    avatar: &Avatar<'_>,
+    arguments: &Arguments,
+    common: &Common,
+) -> Result<Vec<training::Row>> {
+    let pose = arguments.posing.pose(avatar)?;
+    let shots = shots(avatar, arguments)?;
+    training::measure(avatar, &pose, &shots, &threads(common), arguments.runs)
+}
+
+fn threads(common: &Common) -> Vec<usize> {
+    match common.threads.as_slice() {
+        [] => vec![1],
+        some => some.iter().map(|&n| usize::from(n)).collect(),
+    }
 }
 
 fn once(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<()> {

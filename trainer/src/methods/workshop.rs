@@ -1,7 +1,5 @@
 //! What all methods share: the posed mesh, the pictures of it, placement and descent.
 
-use std::sync::Arc;
-
 use anyhow::{Context, Result, ensure};
 use dermis_format::Avatar;
 use dermis_format::source::{Mathematics, Source};
@@ -59,10 +57,7 @@ impl<'a> Workshop<'a> {
         // Frames come from the runtime and the encoded mesh: what is trained on is what is drawn on.
         let bytes = package::encode(source)?;
         let avatar = Avatar::parse(&bytes).context("the mesh alone cannot be read back")?;
-        let two_sided: Arc<[bool]> = source.mesh.two_sided.clone().into();
-        let stages = key_frames
-            .par_iter()
-            .map(|frame| stage(&avatar, &runtime_pose(frame), two_sided.clone()));
+        let stages = key_frames.par_iter().map(|frame| Stage::of(&avatar, &runtime_pose(frame)));
         let stages = stages.collect::<Result<Vec<_>>>()?;
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
@@ -191,11 +186,4 @@ impl<'a> Workshop<'a> {
 /// Whether a texture's alpha leaves anything of the surface at a point.
 fn is_painted(painter: &Painter<'_>, point: &SurfacePoint) -> bool {
     painter.coverage(point.triangle as usize, point.barycentrics, &scene::Footprint::POINT) >= 0.02
-}
-
-fn stage(avatar: &Avatar<'_>, pose: &Pose<'_>, two_sided: Arc<[bool]>) -> Result<Stage> {
-    let mut scratch = vec![0; Posed::scratch_len(avatar)];
-    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
-    let frames = (0..avatar.header().triangles).map(|triangle| posed.frame(triangle)).collect();
-    Ok(Stage { frames, two_sided })
 }

@@ -38,6 +38,18 @@ impl Parameters {
         1.0 / (1.0 + libm::expf(-self.logit))
     }
 
+    /// The inverse of [`Self::disc`], for opacities that a logit can have.
+    pub fn of_disc(disc: &Disc) -> Self {
+        let opacity = disc.opacity.clamp(1e-4, 1.0 - 1e-4);
+        Self {
+            position: disc.position,
+            angle: disc.angle,
+            log2_scale: disc.log2_scale,
+            logit: libm::logf(opacity / (1.0 - opacity)),
+            color: disc.color,
+        }
+    }
+
     /// As the file stores it.
     pub fn disc(&self) -> Disc {
         Disc {

@@ -3,6 +3,7 @@
 
 use core::ops::Range;
 
+use anyhow::Result;
 use dermis_format::{Disc, FrameKind, LowPass};
 use dermis_runtime::batch::{BATCH, Batch, Discs};
 use dermis_runtime::frame::Frame;
@@ -12,7 +13,7 @@ use dermis_runtime::raster::{self, TilePixels, draw_tile};
 use dermis_runtime::screen::{Slots, SplatCamera};
 use dermis_runtime::select::LEAST_OPACITY;
 use dermis_runtime::tiles::{TILE, TileGrid};
-use dermis_runtime::{Camera, Kernel};
+use dermis_runtime::{Avatar, Camera, Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use super::cloud::{Cloud, Prefix};
@@ -27,10 +28,25 @@ pub struct Stage {
     /// Of each triangle; `None` where it has no area.
     pub frames: Vec<Option<Frame<f32>>>,
     /// Whether the triangle's back is seen.
-    pub two_sided: std::sync::Arc<[bool]>,
+    pub two_sided: Box<[bool]>,
 }
 
 impl Stage {
+    /// Of an avatar in a pose: what is trained on is what the runtime draws on.
+    ///
+    /// # Errors
+    ///
+    /// Where the runtime refuses the pose.
+    pub fn of(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Result<Self> {
+        let mut scratch = vec![0; Posed::scratch_len(avatar)];
+        let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
+        let triangles = avatar.header().triangles;
+        Ok(Self {
+            frames: (0..triangles).map(|triangle| posed.frame(triangle)).collect(),
+            two_sided: (0..triangles).map(|t| avatar.is_two_sided(t as usize)).collect(),
+        })
+    }
+
     /// The frame of a triangle that can be seen from `eye`.
     pub fn visible(&self, triangle: u32, eye: [f32; 3]) -> Option<&Frame<f32>> {
         let frame = self.frames[triangle as usize].as_ref()?;

@@ -6,7 +6,48 @@ use dermis_trainer::bench::clock::Clock;
 use dermis_trainer::bench::row::Row;
 use dermis_trainer::bench::table::aligned;
 
-use super::Report;
+use super::{Report, TrainingReport};
+
+/// Steps of training.
+pub(super) fn training(report: &TrainingReport) -> String {
+    let headings = [
+        "threads",
+        "size",
+        "Gaussians",
+        "seen",
+        "forward",
+        "loss",
+        "backward",
+        "step",
+        "total",
+        "max",
+        "rms",
+    ];
+    let rows: Vec<Vec<String>> = report
+        .rows
+        .iter()
+        .map(|row| {
+            let ms = &row.ms;
+            let times = [ms.forward, ms.loss, ms.backward, ms.step, ms.total];
+            let mut cells = vec![
+                row.threads.to_string(),
+                format!("{}x{}", row.width, row.height),
+                row.gaussians.to_string(),
+                row.gaussians_visible.to_string(),
+            ];
+            cells.extend(times.map(|ms| format!("{ms:.2}")));
+            cells.push(row.error.max_error_8bit.to_string());
+            cells.push(format!("{:.4}", row.error.rms_error_8bit));
+            cells
+        })
+        .collect();
+    format!(
+        "{}: a training step, ms of time that passes, medians; error of its picture to f64 in 1/255; {}\n{}",
+        report.avatar,
+        report.cpu,
+        aligned(&headings, &rows)
+    )
+}
 
 pub(super) fn text(report: &Report) -> String {
     let bench = &report.bench;

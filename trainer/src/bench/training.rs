@@ -1,0 +1,208 @@
+//! The time of a training step, part by part.
+
+use std::time::Instant;
+
+use anyhow::{Result, ensure};
+use dermis_format::{Avatar, LowPass, Records};
+use dermis_runtime::{Camera, Plan, Pose};
+use rayon::ThreadPoolBuilder;
+use serde::Serialize;
+
+use super::clock::median;
+use super::error::Difference;
+use super::machine;
+use crate::camera_file::Shot;
+use crate::eval::reference::draw_reference;
+use crate::optimize::cloud::{Cloud, Freedom, Parameters, Prefix, Seed};
+use crate::optimize::descend::{Descent, Part, Problem};
+use crate::optimize::forward::{Forward, Stage, draw};
+use crate::optimize::loss::Loss;
+use crate::optimize::schedule::{Random, Schedule};
+use crate::options::{Options, Preset};
+use crate::picture::Picture;
+use crate::progress;
+use crate::scene::Truth;
+use crate::truth::{Crop, Store, TrainingView};
+
+/// Steps before those that count.
+const WARM_UP: usize = 3;
+
+/// A step's time, medians, ms of time that passes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// Threads that worked.
+    pub threads: usize,
+    /// px.
+    pub width: u32,
+    /// px.
+    pub height: u32,
+    /// Gaussians drawn.
+    pub gaussians: usize,
+    /// Those that touch a pixel.
+    pub gaussians_visible: usize,
+    /// Steps that count.
+    pub steps: u32,
+    /// Each part's time.
+    pub ms: StepMilliseconds,
+    /// Of the picture that the step draws, to the reference in f64 that makes the runtime's decisions.
+    #[serde(flatten)]
+    pub error: Difference,
+}
+
+/// Parts of a step.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct StepMilliseconds {
+    /// Projection, lists, blending.
+    pub forward: f64,
+    /// Both terms with their gradient; the truth is read, too.
+    pub loss: f64,
+    /// From pixels to splats.
+    pub backward: f64,
+    /// From splats to parameters, and Adam.
+    pub step: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+/// Measures steps of all Gaussians of `avatar`, which must be discs on a mesh. The truth to be matched is
+/// its own picture of half of its Gaussians.
+///
+/// # Errors
+///
+/// Where the file holds something else, or the runtime refuses the pose.
+pub fn measure(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    shots: &[Shot],
+    threads: &[usize],
+    steps: u32,
+) -> Result<Vec<Row>> {
+    let cloud = cloud_of(avatar)?;
+    let stages = [Stage::of(avatar, pose)?];
+    let low_pass = avatar.header().low_pass;
+    let mut rows = Vec::new();
+    let bar = progress::bar("measuring", (shots.len() * threads.len()) as u64);
+    for shot in shots {
+        let (camera, background) = (shot.camera, shot.background);
+        let error = error(avatar, pose, &cloud, &stages[0], shot, low_pass)?;
+        let truth = half(&cloud, &stages[0], &camera, low_pass);
+        let store = Store::new(u64::MAX, &std::env::temp_dir());
+        let views =
+            [TrainingView { stage: 0, camera, truth: store.keep(Crop::of(&truth, [1.0; 3]))? }];
+        let loss = Loss::PAPER;
+        let problem = Problem { stages: &stages, views: &views, background, low_pass, loss };
+        for &threads in threads {
+            let threads = if threads == 0 { machine::cores() } else { threads };
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
+            let schedule = Schedule {
+                steps: steps + WARM_UP as u32,
+                ..Options::preset(Preset::Default)
+                    .schedule(crate::optimize::schedule::Prefixes::All)
+            };
+            let laps = pool.install(|| laps(cloud.clone(), &problem, &schedule))?;
+            let drawn = forward(&cloud, &stages[0], &camera, low_pass, background);
+            rows.push(Row {
+                threads,
+                width: camera.width,
+                height: camera.height,
+                gaussians: cloud.len(),
+                gaussians_visible: drawn.splats.len(),
+                steps,
+                ms: medians(&laps[WARM_UP..]),
+                error,
+            });
+            bar.inc(1);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(rows)
+}
+
+/// Ends of the parts of each step, ms from its start.
+fn laps(cloud: Cloud, problem: &Problem<'_>, schedule: &Schedule) -> Result<Vec<[f64; 4]>> {
+    let mut descent = Descent::new(cloud, problem, schedule, Random::new(1));
+    let mut laps = Vec::new();
+    while !descent.is_done() {
+        let start = Instant::now();
+        let mut ends = [0.0; 4];
+        descent.advance(|part| {
+            let place = match part {
+                Part::Forward => 0,
+                Part::Loss => 1,
+                Part::Backward => 2,
+                Part::Move => 3,
+            };
+            ends[place] = start.elapsed().as_secs_f64() * 1e3;
+        })?;
+        laps.push(ends);
+    }
+    Ok(laps)
+}
+
+fn medians(laps: &[[f64; 4]]) -> StepMilliseconds {
+    let part = |i: usize| median(laps.iter().map(|l| if i == 0 { l[0] } else { l[i] - l[i - 1] }));
+    StepMilliseconds {
+        forward: part(0),
+        loss: part(1),
+        backward: part(2),
+        step: part(3),
+        total: median(laps.iter().map(|lap| lap[3])),
+    }
+}
+
+/// The file's Gaussians, all free.
+fn cloud_of(avatar: &Avatar<'_>) -> Result<Cloud> {
+    let mut seeds = Vec::new();
+    for block in avatar.blocks() {
+        let Records::Disc(discs) = block.records else { break };
+        let mut places = discs.iter().zip(block.triangles);
+        for group in block.groups {
+            for (disc, triangle) in places.by_ref().take(usize::from(group.count_less_one) + 1) {
+                let parameters = Parameters::of_disc(&group.disc(disc));
+                let triangle = group.base_triangle.get() + u32::from(triangle.get());
+                seeds.push(Seed { triangle, parameters, freedom: Freedom::Free });
+            }
+        }
+    }
+    ensure!(
+        !seeds.is_empty(),
+        "holds no discs on a mesh, which is what training moves; give a trained avatar"
+    );
+    Ok(Cloud::arrange(vec![seeds.len() as u32], &seeds))
+}
+
+fn forward(
+    cloud: &Cloud,
+    stage: &Stage,
+    camera: &Camera,
+    low_pass: LowPass,
+    background: [f32; 3],
+) -> Forward {
+    draw(cloud, Prefix::of(cloud.len() as u32, cloud), stage, camera, low_pass, background)
+}
+
+/// What half of the Gaussians show before white, and how much of each pixel they cover.
+fn half(cloud: &Cloud, stage: &Stage, camera: &Camera, low_pass: LowPass) -> Truth {
+    let prefix = Prefix::of((cloud.len() / 2).max(1) as u32, cloud);
+    let over = |background| draw(cloud, prefix, stage, camera, low_pass, background).picture;
+    let (white, black) = (over([1.0; 3]), over([0.0; 3]));
+    let coverage = white.rgb.iter().zip(&black.rgb).map(|(w, b)| 1.0 - (w[0] - b[0])).collect();
+    Truth { picture: white, coverage, seen: Vec::new() }
+}
+
+fn error(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    cloud: &Cloud,
+    stage: &Stage,
+    shot: &Shot,
+    low_pass: LowPass,
+) -> Result<Difference> {
+    let (camera, background) = (&shot.camera, shot.background);
+    let Picture { rgb, .. } = &forward(cloud, stage, camera, low_pass, background).picture;
+    let plan = Plan::with_budget(avatar, u32::MAX);
+    let exact = draw_reference(avatar, pose, &plan, camera, background)?;
+    let bytes: Vec<u8> =
+        rgb.iter().flat_map(|rgb| rgb.map(dermis_runtime::framebuffer::to_byte)).collect();
+    Ok(Difference::new(&bytes, rgb, &exact))
+}
