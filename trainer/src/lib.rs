@@ -15,6 +15,8 @@
 //! [`convert`] takes another way to the bytes, from Gaussians that are trained already; [`mannequin`]
 //! makes Gaussians to measure on, and [`mod@bench`] measures the time of a frame beside its error.
 //!
+//! [`reproduce`] makes the papers' tables for a mesh.
+//!
 //! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
 //! options and seed give the same bytes on one platform, whatever the number of threads (the truth is
 //! rendered with the platform's own powers and sines). The command line stands
@@ -41,6 +43,7 @@ pub mod package;
 pub mod page;
 pub mod picture;
 pub mod progress;
+pub mod reproduce;
 pub mod scene;
 pub mod train;
 pub mod truth;

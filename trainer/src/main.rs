@@ -47,6 +47,8 @@ enum Command {
     Eval(commands::eval::Arguments),
     /// Measures the time of every stage of a frame, and its error.
     Bench(commands::bench::Arguments),
+    /// Makes a paper's tables for a mesh: trains and measures its methods and ours.
+    Reproduce(commands::reproduce::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -79,6 +81,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(arguments) => commands::render::run(arguments, &cli.common),
         Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),
         Command::Bench(arguments) => commands::bench::run(arguments, &cli.common),
+        Command::Reproduce(arguments) => commands::reproduce::run(arguments, &cli.common),
     }
 }
 

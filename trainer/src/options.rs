@@ -46,10 +46,10 @@ pub struct Options {
     pub background: [f32; 3],
     /// What to lessen.
     pub loss: Loss,
+    /// What a blend in each pixel of a picture adds to the loss: pictures that are cheaper to draw.
+    pub blend_price: f32,
     /// Whether each level's Gaussians have parameters of their own.
     pub per_level: bool,
-    /// Share of the steps before levels part.
-    pub split: f32,
     /// How prefixes are drawn.
     pub nested: Nested,
     /// Where more Gaussians go.
@@ -78,10 +78,10 @@ impl Options {
             survey_steps,
             seed: 1,
             background: [1.0; 3],
-            loss: Loss::PAPER,
+            loss: Loss::default(),
+            blend_price: 0.0,
             per_level: false,
-            split: 0.3,
-            nested: Nested { whole: 0.3, level: 0.0, least: 1.0 / 64.0 },
+            nested: Nested { whole: 0.25, level: 0.25, least: 1.0 / 64.0 },
             detail: Detail::default(),
             memory_bytes: 2048 << 20,
         }
@@ -99,7 +99,6 @@ impl Options {
             rates: Rates::default(),
             last_rate: 0.1,
             prefixes,
-            split: self.per_level.then_some((self.steps as f32 * self.split) as u32),
             shift: 0,
             random_background: 0.3,
         }

@@ -5,7 +5,7 @@ use dermis_format::source::Mathematics;
 use dermis_runtime::Pose;
 
 use crate::embed::sides::two_sided;
-use crate::methods::Workshop;
+use crate::methods::{Culling, Workshop};
 use crate::model::Model;
 use crate::optimize::cloud::Cloud;
 use crate::options::Options;
@@ -22,6 +22,8 @@ pub struct Trained {
     pub cloud: Cloud,
     /// Steps taken.
     pub steps: u32,
+    /// What culling costs it.
+    pub culling: Culling,
 }
 
 /// Trains an avatar: truth, placement, descent, packing.
@@ -43,7 +45,8 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     let scale_law = options.method.scale_law();
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };
     let source = package::with_gaussians(source, &cloud, mathematics);
-    Ok(Trained { bytes: package::encode(&source)?, cloud, steps: workshop.steps() })
+    let (steps, culling) = (workshop.steps(), workshop.culling(&cloud)?);
+    Ok(Trained { bytes: package::encode(&source)?, cloud, steps, culling })
 }
 
 /// The poses to train on.

@@ -89,8 +89,15 @@ pub fn measure(
         let store = Store::new(u64::MAX, &std::env::temp_dir());
         let views =
             [TrainingView { stage: 0, camera, truth: store.keep(Crop::of(&truth, [1.0; 3]))? }];
-        let loss = Loss::PAPER;
-        let problem = Problem { stages: &stages, views: &views, background, low_pass, loss };
+        let loss = Loss::default();
+        let problem = Problem {
+            stages: &stages,
+            views: &views,
+            background,
+            low_pass,
+            loss,
+            blend_price: 0.0,
+        };
         for &threads in threads {
             let threads = if threads == 0 { machine::cores() } else { threads };
             let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;

@@ -8,6 +8,7 @@ pub(crate) mod eval;
 pub(crate) mod info;
 pub(crate) mod options;
 pub(crate) mod render;
+pub(crate) mod reproduce;
 pub(crate) mod train;
 
 use std::io::{ErrorKind, Write};
@@ -36,6 +37,11 @@ pub(crate) fn misuse(message: &str) -> ! {
 fn finite(text: &str) -> Result<f32, String> {
     let number = text.parse().ok().filter(|x: &f32| x.is_finite());
     number.ok_or_else(|| "give a finite number".into())
+}
+
+/// A finite number not below 0.
+fn not_negative(text: &str) -> Result<f32, String> {
+    finite(text).ok().filter(|&x| x >= 0.0).ok_or_else(|| "give a number not below 0".into())
 }
 
 /// A finite number above 0.

@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
-use dermis_trainer::embed::hierarchy::{gaussians_at_level, gaussians_of_detail};
-use dermis_trainer::methods::Method;
+use dermis_trainer::embed::hierarchy::gaussians_of;
+use dermis_trainer::methods::{Culling, Method};
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::{import, output, train};
@@ -37,6 +37,12 @@ pub(crate) struct Arguments {
     /// Layers [default: 4; lodavatar: 2].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     levels: Option<u32>,
+    /// Steps of one picture each [default: of the preset].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    steps: Option<u32>,
+    /// What a blend in each pixel adds to the loss, say 0.001: pictures that are cheaper to draw.
+    #[arg(long, default_value_t = 0.0, value_name = "X", value_parser = super::not_negative)]
+    blend_price: f32,
     /// Directions from which each key frame is seen.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=42))]
     views: Option<u32>,
@@ -61,6 +67,7 @@ pub(crate) struct Arguments {
 struct Report {
     seconds: f64,
     steps: u32,
+    culling: Culling,
     #[serde(flatten)]
     info: Info,
 }
@@ -75,33 +82,35 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         train::train(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
     output.finish(&trained.bytes)?;
     let info = Info::of(&Avatar::parse(&trained.bytes)?);
-    let report = Report { seconds: start.elapsed().as_secs_f64(), steps: trained.steps, info };
-    super::print(common, &report, |report| {
-        format!(
-            "{} steps in {:.1} s\n{}",
-            report.steps,
-            report.seconds,
-            super::info::text(&report.info)
-        )
-    })
+    let (seconds, culling) = (start.elapsed().as_secs_f64(), trained.culling);
+    let report = Report { seconds, steps: trained.steps, culling, info };
+    super::print(common, &report, text)
 }
 
-/// LoDAvatar's count follows from the mesh and the choice of detail, and grows by 4 with each level.
+fn text(report: &Report) -> String {
+    let Report { seconds, steps, culling, info } = report;
+    let Culling { culled, all, pictures } = culling;
+    format!(
+        "{steps} steps in {seconds:.1} s\n\
+         culling: {:.2} dB over the foreground and {:.1} blends a pixel with it, {:.2} dB and {:.1} without \
+         ({pictures} training pictures)\n{}",
+        culled.psnr_foreground_db,
+        culled.blends_per_pixel,
+        all.psnr_foreground_db,
+        all.blends_per_pixel,
+        super::info::text(info)
+    )
+}
+
+/// LoDAvatar's count follows from the mesh, and grows by 4 with each level.
 fn check_count(model: &Model, options: &Options) -> Result<()> {
     if options.method == Method::Lodavatar {
-        let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
-        let last = options.levels.max(1) - 1;
-        let uniform = gaussians_at_level(vertices, triangles, last);
-        let selected = options.detail.select(model)?.unwrap_or_default();
-        let chosen = selected.iter().filter(|selected| **selected).count() as u64;
-        let more = options.detail_levels();
-        let count = uniform + gaussians_of_detail(chosen * 4u64.pow(last), more);
-        let levels = options.levels + more;
+        let count = gaussians_of(model, options)?;
+        let levels = options.levels + options.detail_levels();
         ensure!(
             count <= u64::from(MAX_GAUSSIANS),
             "would have {count} Gaussians in {levels} levels, more than {MAX_GAUSSIANS}; \
-             choose fewer {}",
-            if uniform <= u64::from(MAX_GAUSSIANS) { "--detail-levels" } else { "--levels" }
+             choose fewer --levels or --detail-levels"
         );
     }
     Ok(())
@@ -119,6 +128,8 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         method: arguments.method,
         gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
         levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
+        steps: arguments.steps.unwrap_or(preset.steps),
+        blend_price: arguments.blend_price,
         views: arguments.views.unwrap_or(preset.views),
         key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
         size: arguments.size.unwrap_or(preset.size),

@@ -5,11 +5,14 @@
 //! beside the old one, and puts a Gaussian at the centre of each of the 4. Selective detail (3.6) takes
 //! such steps on chosen triangles alone.
 
+use anyhow::Result;
 use glam::Vec3;
 
 use super::initial::seed;
 use super::surface::{Surface, SurfacePoint};
+use crate::model::Model;
 use crate::optimize::cloud::{Cloud, Freedom, Seed};
+use crate::options::Options;
 use crate::scene::Painter;
 
 /// Gaussians of a mesh with `vertices` and `triangles` at level `level`: V + F (4^(n+1) − 1) / 3.
@@ -21,6 +24,20 @@ pub fn gaussians_at_level(vertices: u64, triangles: u64, level: u32) -> u64 {
 /// all (each triangle of the mesh has 4ⁿ of them at level n): S (4 + 16 + … + 4^steps).
 pub fn gaussians_of_detail(sub_triangles: u64, steps: u32) -> u64 {
     sub_triangles * (4u64.pow(steps + 1) - 4) / 3
+}
+
+/// Gaussians that [`Method::Lodavatar`](crate::methods::Method) makes of a mesh.
+///
+/// # Errors
+///
+/// Where no triangle is what the detail asks for.
+pub fn gaussians_of(model: &Model, options: &Options) -> Result<u64> {
+    let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
+    let last = options.levels.max(1) - 1;
+    let selected = options.detail.select(model)?.unwrap_or_default();
+    let chosen = selected.iter().filter(|selected| **selected).count() as u64;
+    let more = gaussians_of_detail(chosen * 4u64.pow(last), options.detail_levels());
+    Ok(gaussians_at_level(vertices, triangles, last) + more)
 }
 
 /// A triangle of the current level.

@@ -78,11 +78,13 @@ pub struct Row {
     pub ssim: f64,
     /// Mean FLIP at 67 pixels per degree.
     pub flip: f64,
+    /// Gaussians blended in a pixel that the mesh covers, on average over all pictures.
+    pub blends_per_pixel: f64,
 }
 
 impl Row {
     /// What stands over [`Self::cells`].
-    pub const HEADINGS: [&'static str; 9] = [
+    pub const HEADINGS: [&'static str; 10] = [
         "split",
         "level",
         "Gaussians",
@@ -92,10 +94,11 @@ impl Row {
         "foreground dB",
         "SSIM",
         "FLIP",
+        "blends/px",
     ];
 
     /// For people to read.
-    pub fn cells(&self) -> [String; 9] {
+    pub fn cells(&self) -> [String; 10] {
         [
             self.split.name().to_owned(),
             format!("{:.2}", self.level),
@@ -106,6 +109,7 @@ impl Row {
             format!("{:.2}", self.psnr_foreground_db),
             format!("{:.4}", self.ssim),
             format!("{:.4}", self.flip),
+            format!("{:.1}", self.blends_per_pixel),
         ]
     }
 }
@@ -218,6 +222,7 @@ impl Measured {
             psnr_foreground_db: sum.foreground / f64::from(sum.covered.max(1)),
             ssim: mean(sum.ssim),
             flip: mean(sum.flip),
+            blends_per_pixel: sum.blends as f64 / sum.pixels.max(1) as f64,
         }
     }
 }
@@ -256,6 +261,8 @@ struct Sum {
     foreground: f64,
     ssim: f64,
     flip: f64,
+    blends: u64,
+    pixels: u64,
 }
 
 impl Sum {
@@ -266,6 +273,8 @@ impl Sum {
         self.foreground += other.foreground;
         self.ssim += other.ssim;
         self.flip += other.flip;
+        self.blends += other.blends;
+        self.pixels += other.pixels;
     }
 }
 
@@ -292,7 +301,10 @@ fn measure(
                 let compare = |m: &Measured| -> Result<Sum> {
                     let pose = runtime_pose(frame);
                     let drawn = draw(avatar, &pose, &m.plan, &cameras[index], options.background)?;
-                    Ok(compare(&truth, &rgb_of(&drawn.rgba)))
+                    Ok(Sum {
+                        blends: drawn.statistics.counts.blends,
+                        ..compare(&truth, &rgb_of(&drawn.rgba))
+                    })
                 };
                 plans.iter().map(compare).collect::<Result<Vec<_>>>()
             });
@@ -318,6 +330,8 @@ fn compare(truth: &Truth, drawn: &[u8]) -> Sum {
         foreground: foreground.unwrap_or(0.0),
         ssim: ssim_u8(&exact, drawn, width, height),
         flip: flip(&exact, drawn, width, height, differing(&exact, drawn, width)),
+        blends: 0,
+        pixels: mask.iter().filter(|covered| **covered).count() as u64,
     }
 }
 

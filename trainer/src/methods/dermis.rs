@@ -1,6 +1,7 @@
 //! The nested order: even placement, every prefix trained.
 
 use anyhow::Result;
+use dermis_runtime::plan::prefix_log2_scale;
 
 use super::workshop::Workshop;
 use crate::optimize::cloud::Cloud;
@@ -10,6 +11,9 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Cloud> {
     let options = shop.options;
     let layers = options.layers(options.gaussians);
     let seeds = shop.place(&layers, |_| options.gaussians)?;
-    let cloud = Cloud::arrange(options.layers(seeds.len() as u32), &seeds);
+    let mut cloud = Cloud::arrange(options.layers(seeds.len() as u32), &seeds);
+    if options.per_level {
+        cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
+    }
     shop.descend(cloud, &options.schedule(Prefixes::Nested(options.nested)))
 }

@@ -1,14 +1,17 @@
 //! Ways to train a cloud: ours and the papers', on the same machinery.
 //!
 //! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
-//! 2. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
+//! 2. `culling` says what a trained cloud loses by it.
+//! 3. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
 
 mod alone;
+mod culling;
 mod dermis;
 mod lapisgs;
 mod lodavatar;
 mod workshop;
 
+pub use culling::Culling;
 pub use workshop::Workshop;
 
 use anyhow::Result;

@@ -6,6 +6,7 @@ use dermis_format::source::{Mathematics, Source};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
+use super::culling::{self, Culling};
 use crate::embed::density;
 use crate::embed::initial::seed;
 use crate::embed::placement::spread;
@@ -88,6 +89,11 @@ impl<'a> Workshop<'a> {
         self.steps
     }
 
+    /// What culling costs a cloud.
+    pub fn culling(&self, cloud: &Cloud) -> Result<Culling> {
+        culling::measure(cloud, &self.problem())
+    }
+
     /// Gaussians on the surface, coarse to fine, denser where the error is; otherwise as
     /// [`Self::spread_out`].
     pub(super) fn place(
@@ -159,6 +165,7 @@ impl<'a> Workshop<'a> {
             background: self.options.background,
             low_pass: Mathematics::default().low_pass,
             loss: self.options.loss,
+            blend_price: self.options.blend_price,
         }
     }
 

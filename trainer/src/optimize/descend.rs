@@ -3,14 +3,13 @@
 use anyhow::Result;
 use dermis_format::LowPass;
 
-use dermis_runtime::plan::prefix_log2_scale;
-
 use super::adam::Moments;
 use super::backward::by_splats;
 use super::cloud::{Cloud, Parameters};
 use super::forward::{Forward, Stage, draw};
 use super::loss::Loss;
 use super::mover::Mover;
+use super::price;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
@@ -30,6 +29,8 @@ pub struct Problem<'a> {
     pub low_pass: LowPass,
     /// What to lessen.
     pub loss: Loss,
+    /// What a blend in each pixel of the frame adds to it.
+    pub blend_price: f32,
 }
 
 /// A part of a step, whose time may be of interest.
@@ -106,19 +107,6 @@ impl<'a> Descent<'a> {
         self.step >= self.schedule.steps || self.problem.views.is_empty() || self.cloud.is_empty()
     }
 
-    /// From here on each level goes its own way, with the momentum of all.
-    fn split_into_levels(&mut self) {
-        self.cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
-        let of_level = |level: &Vec<Parameters>| self.moments[0][..level.len()].to_vec();
-        self.moments = self.cloud.levels.iter().map(of_level).collect();
-        let len = self.cloud.len();
-        let of_level = |level: &Vec<Parameters>| {
-            let wider = (len as f32 / level.len() as f32).sqrt();
-            self.sigmas[0][..level.len()].iter().map(|sigma| sigma * wider).collect()
-        };
-        self.sigmas = self.cloud.levels.iter().map(of_level).collect();
-    }
-
     /// The cloud as it is, and the numbers that come next.
     pub fn finish(self) -> (Cloud, Random) {
         (self.cloud, self.random)
@@ -127,9 +115,6 @@ impl<'a> Descent<'a> {
     /// Moves the cloud against the gradient of one picture's loss, which it returns; calls `lap` behind
     /// each part. It fails where a picture cannot be read.
     pub fn advance(&mut self, mut lap: impl FnMut(Part)) -> Result<f64> {
-        if self.schedule.split == Some(self.step) {
-            self.split_into_levels();
-        }
         let Self { problem, schedule, cloud, random, workspace, .. } = self;
         if self.order.is_empty() {
             self.order = (0..problem.views.len()).collect();
@@ -153,7 +138,11 @@ impl<'a> Descent<'a> {
         view.truth.draw(background, schedule.shift, reading, truth)?;
         let loss = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
         lap(Part::Loss);
-        let gradients = by_splats(&forward, by_pixels);
+        let mut gradients = by_splats(&forward, by_pixels);
+        if problem.blend_price > 0.0 {
+            let price = problem.blend_price / forward.picture.rgb.len() as f32;
+            price::add_gradient(price, &forward.splats, &mut gradients);
+        }
         lap(Part::Backward);
         let mover = Mover { camera: &camera, low_pass: problem.low_pass, stage, prefix, rates };
         mover.advance(cloud, &mut self.moments, &self.sigmas, &forward, &gradients);

@@ -2,12 +2,13 @@
 //!
 //! 1. [`cloud`] holds the Gaussians' parameters in the order of the file.
 //! 2. [`forward`] draws them with the runtime's own projection, lists and blending.
-//! 3. [`loss`] compares with the truth.
+//! 3. [`loss`] compares with the truth, [`price`] says what drawing costs.
 //! 4. [`backward`] walks the same lists again and sums gradients per splat; [`projection`] takes
 //!    them from the screen to the discs, many at once by [`discs`].
 //! 5. [`mover`] takes them to the parameters of the levels, which [`adam`] moves.
 //! 6. [`schedule`] says how many steps, which prefix, and which rates.
 //! 7. [`descend`] puts them in a loop.
+//! 8. [`residual`] says where a cloud still differs from the truth.
 //!
 //! Every sum runs in an order that the data fixes, so the result does not depend on threads.
 
@@ -19,6 +20,7 @@ pub mod discs;
 pub mod forward;
 pub mod loss;
 pub mod mover;
+pub mod price;
 pub mod projection;
 pub mod residual;
 pub mod schedule;

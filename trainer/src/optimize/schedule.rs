@@ -55,9 +55,6 @@ pub struct Schedule {
     pub last_rate: f32,
     /// What the steps draw.
     pub prefixes: Prefixes,
-    /// Step before which all levels have one set of parameters, and from which on each has its own; `None`: one
-    /// set to the end.
-    pub split: Option<u32>,
     /// Pictures are matched at 1/2^shift of their size.
     pub shift: u32,
     /// Share of the steps before a background of a random colour, without which an avatar's white
