@@ -100,6 +100,7 @@ impl Options {
             last_rate: 0.1,
             prefixes,
             shift: 0,
+            warm_up: std::env::var("WARM").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0),
             random_background: 0.3,
         }
     }

@@ -124,18 +124,18 @@ impl<'a> Descent<'a> {
         let prefix = schedule.prefix(cloud, random);
         let stage = &problem.stages[view.stage];
         let background = schedule.background(problem.background, random);
-        let rates = schedule.rates_at(self.step);
+        let (rates, shift) = (schedule.rates_at(self.step), schedule.shift_at(self.step));
         self.step += 1;
-        let camera = scaled(&view.camera, schedule.shift);
+        let camera = scaled(&view.camera, shift);
         let forward = draw(cloud, prefix, stage, &camera, problem.low_pass, background);
         lap(Part::Forward);
-        let region = region(&forward, view.truth.rect(schedule.shift));
+        let region = region(&forward, view.truth.rect(shift));
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
             return Ok(0.0);
         }
         let Workspace { truth, reading, ssim, by_pixels } = workspace;
-        view.truth.draw(background, schedule.shift, reading, truth)?;
+        view.truth.draw(background, shift, reading, truth)?;
         let loss = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
         lap(Part::Loss);
         let mut gradients = by_splats(&forward, by_pixels);

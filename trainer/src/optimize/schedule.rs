@@ -57,6 +57,8 @@ pub struct Schedule {
     pub prefixes: Prefixes,
     /// Pictures are matched at 1/2^shift of their size.
     pub shift: u32,
+    /// Share of the steps, the first ones, that match them at half of that.
+    pub warm_up: f32,
     /// Share of the steps before a background of a random colour, without which an avatar's white
     /// parts would be free to be transparent before white.
     pub random_background: f32,
@@ -89,6 +91,12 @@ impl Schedule {
     pub fn rates_at(&self, step: u32) -> Rates {
         let progress = step as f32 / self.steps.max(1) as f32;
         self.rates.times(libm::powf(self.last_rate, progress))
+    }
+
+    /// Pictures of a step are matched at 1/2^shift of their size.
+    pub fn shift_at(&self, step: u32) -> u32 {
+        let warm = (step as f32) < self.warm_up * self.steps as f32;
+        self.shift + u32::from(warm)
     }
 
     /// What stands behind the avatar in a step: mostly `usual`.
