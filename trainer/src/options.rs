@@ -44,6 +44,8 @@ pub struct Options {
     pub seed: u64,
     /// Behind the avatar.
     pub background: [f32; 3],
+    /// Share of the steps, the first ones, that match pictures of half the size.
+    pub warm_up: f32,
     /// What to lessen.
     pub loss: Loss,
     /// What a blend in each pixel of a picture adds to the loss: pictures that are cheaper to draw.
@@ -78,6 +80,7 @@ impl Options {
             survey_steps,
             seed: 1,
             background: [1.0; 3],
+            warm_up: 0.0,
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: false,
@@ -100,7 +103,7 @@ impl Options {
             last_rate: 0.1,
             prefixes,
             shift: 0,
-            warm_up: std::env::var("WARM").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0),
+            warm_up: self.warm_up,
             random_background: 0.3,
         }
     }

@@ -14,20 +14,20 @@ use super::machine;
 use crate::camera_file::Shot;
 use crate::eval::reference::draw_reference;
 use crate::optimize::cloud::{Cloud, Freedom, Parameters, Prefix, Seed};
-use crate::optimize::descend::{Descent, Part, Problem};
+use crate::optimize::descend::{Advance, Descent, Problem, Times};
 use crate::optimize::forward::{Forward, Stage, draw};
 use crate::optimize::loss::Loss;
-use crate::optimize::schedule::{Random, Schedule};
+use crate::optimize::schedule::{Prefixes, Random, Schedule};
 use crate::options::{Options, Preset};
 use crate::picture::Picture;
 use crate::progress;
 use crate::scene::Truth;
 use crate::truth::{Crop, Store, TrainingView};
 
-/// Steps before those that count.
+/// Turns before those that count.
 const WARM_UP: usize = 3;
 
-/// A step's time, medians, ms of time that passes.
+/// A step's time, medians.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Threads that worked.
@@ -42,26 +42,14 @@ pub struct Row {
     pub gaussians_visible: usize,
     /// Steps that count.
     pub steps: u32,
-    /// Each part's time.
-    pub ms: StepMilliseconds,
+    /// Time that passes for a step, ms.
+    pub step_ms: f64,
+    /// Time of each part of a step, ms. Two pictures are on their way at once, so with several threads they add up to
+    /// more than passes.
+    pub ms: Times,
     /// Of the picture that the step draws, to the reference in f64 that makes the runtime's decisions.
     #[serde(flatten)]
     pub error: Difference,
-}
-
-/// Parts of a step.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct StepMilliseconds {
-    /// Projection, lists, blending.
-    pub forward: f64,
-    /// Both terms with their gradient; the truth is read, too.
-    pub loss: f64,
-    /// From pixels to splats.
-    pub backward: f64,
-    /// From splats to parameters, and Adam.
-    pub step: f64,
-    /// All of it.
-    pub total: f64,
 }
 
 /// Measures steps of all Gaussians of `avatar`, which must be discs on a mesh. The truth to be matched is
@@ -102,11 +90,11 @@ pub fn measure(
             let threads = if threads == 0 { machine::cores() } else { threads };
             let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
             let schedule = Schedule {
-                steps: steps + WARM_UP as u32,
-                ..Options::preset(Preset::Default)
-                    .schedule(crate::optimize::schedule::Prefixes::All)
+                // Two steps a turn.
+                steps: steps + 2 * WARM_UP as u32,
+                ..Options::preset(Preset::Default).schedule(Prefixes::All)
             };
-            let laps = pool.install(|| laps(cloud.clone(), &problem, &schedule))?;
+            let (step_ms, ms) = pool.install(|| times(cloud.clone(), &problem, &schedule))?;
             let drawn = forward(&cloud, &stages[0], &camera, low_pass, background);
             rows.push(Row {
                 threads,
@@ -115,7 +103,8 @@ pub fn measure(
                 gaussians: cloud.len(),
                 gaussians_visible: drawn.splats.len(),
                 steps,
-                ms: medians(&laps[WARM_UP..]),
+                step_ms,
+                ms,
                 error,
             });
             bar.inc(1);
@@ -125,36 +114,25 @@ pub fn measure(
     Ok(rows)
 }
 
-/// Ends of the parts of each step, ms from its start.
-fn laps(cloud: Cloud, problem: &Problem<'_>, schedule: &Schedule) -> Result<Vec<[f64; 4]>> {
+/// Medians of a step's time and of its parts.
+fn times(cloud: Cloud, problem: &Problem<'_>, schedule: &Schedule) -> Result<(f64, Times)> {
     let mut descent = Descent::new(cloud, problem, schedule, Random::new(1));
     let mut laps = Vec::new();
     while !descent.is_done() {
         let start = Instant::now();
-        let mut ends = [0.0; 4];
-        descent.advance(|part| {
-            let place = match part {
-                Part::Forward => 0,
-                Part::Loss => 1,
-                Part::Backward => 2,
-                Part::Move => 3,
-            };
-            ends[place] = start.elapsed().as_secs_f64() * 1e3;
-        })?;
-        laps.push(ends);
+        let Advance { steps, times, .. } = descent.advance()?;
+        let passed = start.elapsed().as_secs_f64() * 1e3;
+        laps.push((f64::from(steps), passed, times));
     }
-    Ok(laps)
-}
-
-fn medians(laps: &[[f64; 4]]) -> StepMilliseconds {
-    let part = |i: usize| median(laps.iter().map(|l| if i == 0 { l[0] } else { l[i] - l[i - 1] }));
-    StepMilliseconds {
-        forward: part(0),
-        loss: part(1),
-        backward: part(2),
-        step: part(3),
-        total: median(laps.iter().map(|lap| lap[3])),
-    }
+    let laps = laps.get(WARM_UP..).unwrap_or(&[]);
+    let of = |part: fn(&Times) -> f64| median(laps.iter().map(|(n, _, times)| part(times) / n));
+    let times = Times {
+        forward: of(|times| times.forward),
+        loss: of(|times| times.loss),
+        backward: of(|times| times.backward),
+        update: of(|times| times.update),
+    };
+    Ok((median(laps.iter().map(|(n, passed, _)| passed / n)), times))
 }
 
 /// The file's Gaussians, all free.

@@ -14,6 +14,7 @@ use crate::embed::surface::{Surface, SurfacePoint};
 use crate::optimize::cloud::{Cloud, Freedom, Seed};
 use crate::optimize::descend::{Descent, Problem};
 use crate::optimize::forward::Stage;
+use crate::optimize::loss::Compared;
 use crate::optimize::residual;
 use crate::optimize::schedule::{Prefixes, Random, Schedule};
 use crate::options::Options;
@@ -173,13 +174,19 @@ impl<'a> Workshop<'a> {
     pub(super) fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
         let problem = self.problem();
         let bar = progress::bar("training", u64::from(schedule.steps));
-        let mut smooth = None;
+        let mut smooth: Option<Compared> = None;
+        let gaussians = cloud.len();
         let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
         while !descent.is_done() {
-            let loss = descent.advance(|_| {})?;
-            let loss = smooth.map_or(loss, |s: f64| 0.95 * s + 0.05 * loss);
-            smooth = Some(loss);
-            bar.set_prefix(format!("loss {loss:.5}"));
+            let now = descent.advance()?.compared;
+            let before = smooth.unwrap_or(now);
+            let mean = |before: f64, now: f64| 0.95 * before + 0.05 * now;
+            let compared =
+                Compared { loss: mean(before.loss, now.loss), mse: mean(before.mse, now.mse) };
+            smooth = Some(compared);
+            let psnr = -10.0 * compared.mse.max(1e-10).log10();
+            let Compared { loss, .. } = compared;
+            bar.set_prefix(format!("loss {loss:.5}, {psnr:.1} dB, {gaussians} Gaussians"));
             bar.set_position(u64::from(descent.step()));
         }
         bar.finish_and_clear();

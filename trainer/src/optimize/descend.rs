@@ -1,13 +1,18 @@
 //! Gradient descent over pictures.
 
+use std::time::Instant;
+
 use anyhow::Result;
 use dermis_format::LowPass;
+use dermis_runtime::Camera;
+use rayon::prelude::*;
+use serde::Serialize;
 
-use super::adam::Moments;
-use super::backward::by_splats;
-use super::cloud::{Cloud, Parameters};
+use super::adam::{Moments, Rates};
+use super::backward::{SplatGradient, by_splats};
+use super::cloud::{Cloud, Parameters, Prefix};
 use super::forward::{Forward, Stage, draw};
-use super::loss::Loss;
+use super::loss::{Compared, Loss};
 use super::mover::Mover;
 use super::price;
 use super::schedule::{Random, Schedule};
@@ -33,18 +38,9 @@ pub struct Problem<'a> {
     pub blend_price: f32,
 }
 
-/// A part of a step, whose time may be of interest.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// Drawing the picture.
-    Forward,
-    /// Comparing it with the truth.
-    Loss,
-    /// Taking the gradient from pixels to splats.
-    Backward,
-    /// Taking it to parameters, and moving them.
-    Move,
-}
+/// Pictures that are drawn at once, each with its way back. Their steps follow one another, so that of a pair the
+/// second one's gradient is one step old; but while pictures have serial parts, threads have work.
+const AT_ONCE: usize = 2;
 
 /// A cloud on its way down.
 #[derive(Debug)]
@@ -60,16 +56,31 @@ pub struct Descent<'a> {
     /// Views that this round has not seen yet, the next one last.
     order: Vec<usize>,
     step: u32,
-    workspace: Workspace,
+    workspaces: [Workspace; AT_ONCE],
 }
 
-/// Memory that steps share.
-#[derive(Debug, Default)]
-struct Workspace {
-    truth: Picture,
-    reading: Scratch,
-    ssim: SsimWorkspace,
-    by_pixels: Vec<[f32; 3]>,
+/// What a few steps were like.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Advance {
+    /// Steps.
+    pub steps: u32,
+    /// Means over their pictures.
+    pub compared: Compared,
+    /// Time of each part, a sum over the steps.
+    pub times: Times,
+}
+
+/// Time of the parts of steps, ms. Of steps that run at once each counts in full.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Times {
+    /// Projection, lists, blending.
+    pub forward: f64,
+    /// Reading the truth, and both terms of the loss with their gradient.
+    pub loss: f64,
+    /// From pixels to splats.
+    pub backward: f64,
+    /// From splats to parameters, and Adam.
+    pub update: f64,
 }
 
 impl<'a> Descent<'a> {
@@ -93,7 +104,7 @@ impl<'a> Descent<'a> {
             random,
             order: Vec::new(),
             step: 0,
-            workspace: Workspace::default(),
+            workspaces: Default::default(),
         }
     }
 
@@ -112,43 +123,116 @@ impl<'a> Descent<'a> {
         (self.cloud, self.random)
     }
 
-    /// Moves the cloud against the gradient of one picture's loss, which it returns; calls `lap` behind
-    /// each part. It fails where a picture cannot be read.
-    pub fn advance(&mut self, mut lap: impl FnMut(Part)) -> Result<f64> {
-        let Self { problem, schedule, cloud, random, workspace, .. } = self;
+    /// Takes the next steps, one picture each: draws a few pictures, then moves the cloud against the gradient of
+    /// each one's loss. It fails where a picture cannot be read.
+    pub fn advance(&mut self) -> Result<Advance> {
+        let steps = (self.schedule.steps - self.step).min(AT_ONCE as u32);
+        let shots: Vec<Shot<'_>> = (0..steps).map(|_| self.next_shot()).collect();
+        let (cloud, problem) = (&self.cloud, self.problem);
+        let passes = shots.par_iter().zip(&mut self.workspaces).with_max_len(1);
+        let passes: Vec<Pass> = passes
+            .map(|(shot, workspace)| shot.pass(cloud, problem, workspace))
+            .collect::<Result<_>>()?;
+        let mut advance = Advance { steps, ..Advance::default() };
+        for (shot, pass) in shots.iter().zip(&passes) {
+            let start = Instant::now();
+            let mover = Mover {
+                camera: &shot.camera,
+                low_pass: problem.low_pass,
+                stage: &problem.stages[shot.view.stage],
+                prefix: shot.prefix,
+                rates: shot.rates,
+            };
+            let Pass { forward, gradients, .. } = pass;
+            mover.advance(&mut self.cloud, &mut self.moments, &self.sigmas, forward, gradients);
+            advance.times.update += milliseconds(start);
+            advance.times.forward += pass.times.forward;
+            advance.times.loss += pass.times.loss;
+            advance.times.backward += pass.times.backward;
+            advance.compared.loss += pass.compared.loss / f64::from(steps);
+            advance.compared.mse += pass.compared.mse / f64::from(steps);
+        }
+        Ok(advance)
+    }
+
+    /// What the next step draws.
+    fn next_shot(&mut self) -> Shot<'a> {
+        let Self { problem, schedule, cloud, random, .. } = self;
         if self.order.is_empty() {
             self.order = (0..problem.views.len()).collect();
             random.shuffle(&mut self.order);
         }
         let view = &problem.views[self.order.pop().unwrap_or(0)];
         let prefix = schedule.prefix(cloud, random);
-        let stage = &problem.stages[view.stage];
         let background = schedule.background(problem.background, random);
         let (rates, shift) = (schedule.rates_at(self.step), schedule.shift_at(self.step));
         self.step += 1;
-        let camera = scaled(&view.camera, shift);
-        let forward = draw(cloud, prefix, stage, &camera, problem.low_pass, background);
-        lap(Part::Forward);
-        let region = region(&forward, view.truth.rect(shift));
+        Shot { view, camera: scaled(&view.camera, shift), prefix, background, rates, shift }
+    }
+}
+
+/// What a step draws.
+struct Shot<'a> {
+    view: &'a TrainingView,
+    camera: Camera,
+    prefix: Prefix,
+    background: [f32; 3],
+    rates: Rates,
+    shift: u32,
+}
+
+/// Memory that steps share.
+#[derive(Debug, Default)]
+struct Workspace {
+    truth: Picture,
+    reading: Scratch,
+    ssim: SsimWorkspace,
+    by_pixels: Vec<[f32; 3]>,
+}
+
+/// A picture, and the gradient by its splats.
+#[derive(Default)]
+struct Pass {
+    forward: Forward,
+    gradients: Vec<SplatGradient>,
+    compared: Compared,
+    times: Times,
+}
+
+impl Shot<'_> {
+    fn pass(
+        &self,
+        cloud: &Cloud,
+        problem: &Problem<'_>,
+        workspace: &mut Workspace,
+    ) -> Result<Pass> {
+        let start = Instant::now();
+        let (view, background) = (self.view, self.background);
+        let (stage, low_pass) = (&problem.stages[view.stage], problem.low_pass);
+        let forward = draw(cloud, self.prefix, stage, &self.camera, low_pass, background);
+        let drawn = milliseconds(start);
+        let region = region(&forward, view.truth.rect(self.shift));
         if region.pixels() == 0 {
             // A flat mesh seen edge-on: nothing to match, nothing drawn.
-            return Ok(0.0);
+            return Ok(Pass::default());
         }
         let Workspace { truth, reading, ssim, by_pixels } = workspace;
-        view.truth.draw(background, shift, reading, truth)?;
-        let loss = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
-        lap(Part::Loss);
+        view.truth.draw(background, self.shift, reading, truth)?;
+        let compared = problem.loss.with_gradient(&forward.picture, truth, region, ssim, by_pixels);
+        let matched = milliseconds(start);
         let mut gradients = by_splats(&forward, by_pixels);
         if problem.blend_price > 0.0 {
             let price = problem.blend_price / forward.picture.rgb.len() as f32;
             price::add_gradient(price, &forward.splats, &mut gradients);
         }
-        lap(Part::Backward);
-        let mover = Mover { camera: &camera, low_pass: problem.low_pass, stage, prefix, rates };
-        mover.advance(cloud, &mut self.moments, &self.sigmas, &forward, &gradients);
-        lap(Part::Move);
-        Ok(loss)
+        let backward = milliseconds(start) - matched;
+        let times = Times { forward: drawn, loss: matched - drawn, backward, update: 0.0 };
+        Ok(Pass { forward, gradients, compared, times })
     }
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
 }
 
 /// Where the two pictures can differ.

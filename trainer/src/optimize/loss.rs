@@ -19,6 +19,15 @@ pub struct Loss {
     pub dssim: f32,
 }
 
+/// How far a picture is from the truth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Compared {
+    /// What is lessened.
+    pub loss: f64,
+    /// Mean squared difference over the region in which the pictures may differ.
+    pub mse: f64,
+}
+
 impl Default for Loss {
     /// By trial: half way between what 3D Gaussian Splatting and LoDAvatar have (0.8 L1 + 0.2 D-SSIM) and squares, which
     /// PSNR measures.
@@ -28,7 +37,7 @@ impl Default for Loss {
 }
 
 impl Loss {
-    /// The loss, and its gradient by each pixel of `picture`. Both pictures must agree outside
+    /// Compares, and gives the gradient of the loss by each pixel of `picture`. Both pictures must agree outside
     /// `region`; the gradient is 0 there.
     pub fn with_gradient(
         &self,
@@ -37,7 +46,7 @@ impl Loss {
         region: Rect,
         ssim: &mut SsimWorkspace,
         gradient: &mut Vec<[f32; 3]>,
-    ) -> f64 {
+    ) -> Compared {
         gradient.clear();
         gradient.resize(picture.rgb.len(), [0.0; 3]);
         let scale = 1.0 / (3 * picture.rgb.len()) as f32;
@@ -45,7 +54,7 @@ impl Loss {
         let rows = gradient.par_chunks_mut(width).zip(picture.rgb.par_chunks(width));
         let rows = rows.zip(truth.rgb.par_chunks(width)).skip(region.y as usize);
         let columns = region.x as usize..(region.x + region.width) as usize;
-        let sums: Vec<f32> = rows
+        let sums: Vec<[f32; 2]> = rows
             .take(region.height as usize)
             .with_min_len(16)
             .map(|((gradient, picture), truth)| {
@@ -57,8 +66,9 @@ impl Loss {
                 )
             })
             .collect();
-        let sum: f64 = sums.into_iter().map(f64::from).sum();
-        let mut loss = sum * f64::from(scale);
+        let total = |i: usize| sums.iter().map(|row| f64::from(row[i])).sum::<f64>();
+        let mut loss = total(0) * f64::from(scale);
+        let mse = total(1) / (3 * region.pixels()).max(1) as f64;
         if self.dssim > 0.0 {
             let (value, by_pixels) = ssim.ssim_with_gradient(picture, truth, region);
             loss += f64::from(self.dssim) * (1.0 - value);
@@ -72,10 +82,10 @@ impl Loss {
                 }
             }
         }
-        loss
+        Compared { loss, mse }
     }
 
-    /// Differences of a row: their gradient, and what they add up to.
+    /// Differences of a row: their gradient, what they add to the loss, and their squares.
     #[inline(always)]
     fn row(
         &self,
@@ -83,16 +93,18 @@ impl Loss {
         truth: &[[f32; 3]],
         scale: f32,
         gradient: &mut [[f32; 3]],
-    ) -> f32 {
+    ) -> [f32; 2] {
         let pixels = picture.as_flattened().iter().zip(truth.as_flattened());
         // Sums side by side, so that they need not wait for each other.
-        let mut sums = [0.0f32; 16];
+        let (mut sums, mut squares) = ([0.0f32; 16], [0.0f32; 16]);
         for (i, (to, (a, b))) in gradient.as_flattened_mut().iter_mut().zip(pixels).enumerate() {
             let difference = a - b;
             let sign = if difference == 0.0 { 0.0 } else { difference.signum() };
             *to = scale * (self.l1 * sign + self.l2 * 2.0 * difference);
-            sums[i % 16] += self.l1 * difference.abs() + self.l2 * difference * difference;
+            let square = difference * difference;
+            sums[i % 16] += self.l1 * difference.abs() + self.l2 * square;
+            squares[i % 16] += square;
         }
-        sums.into_iter().sum()
+        [sums.into_iter().sum(), squares.into_iter().sum()]
     }
 }

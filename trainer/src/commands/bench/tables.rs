@@ -18,8 +18,8 @@ pub(super) fn training(report: &TrainingReport) -> String {
         "forward",
         "loss",
         "backward",
+        "update",
         "step",
-        "total",
         "max",
         "rms",
     ];
@@ -28,7 +28,7 @@ pub(super) fn training(report: &TrainingReport) -> String {
         .iter()
         .map(|row| {
             let ms = &row.ms;
-            let times = [ms.forward, ms.loss, ms.backward, ms.step, ms.total];
+            let times = [ms.forward, ms.loss, ms.backward, ms.update, row.step_ms];
             let mut cells = vec![
                 row.threads.to_string(),
                 format!("{}x{}", row.width, row.height),
@@ -42,7 +42,8 @@ pub(super) fn training(report: &TrainingReport) -> String {
         })
         .collect();
     format!(
-        "{}: a training step, ms of time that passes, medians; error of its picture to f64 in 1/255; {}\n{}",
+        "{}, {}: a training step, ms, medians. Two pictures are on their way at once: parts are each picture's, step \
+         is the time that passes. Error of the picture to f64 in 1/255\n{}",
         report.avatar,
         report.cpu,
         aligned(&headings, &rows)
