@@ -8,6 +8,7 @@ use dermis_format::source::{Mathematics, Source};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
+use crate::checkpoint::Journal;
 use crate::embed::density;
 use crate::embed::initial::seed;
 use crate::embed::placement::spread;
@@ -42,6 +43,7 @@ pub struct Workshop<'a> {
     views: Vec<TrainingView>,
     pub(super) random: Random,
     steps: u32,
+    journal: Option<&'a mut Journal>,
 }
 
 impl<'a> Workshop<'a> {
@@ -86,8 +88,15 @@ impl<'a> Workshop<'a> {
             views,
             random,
             steps: 0,
+            journal: None,
         })
     }
+
+    /// Goes on from what a journal holds, and writes down what descents come to.
+    pub fn keep(&mut self, journal: &'a mut Journal) {
+        self.journal = Some(journal);
+    }
+
     /// Steps taken so far.
     pub fn steps(&self) -> u32 {
         self.steps
@@ -169,21 +178,36 @@ impl<'a> Workshop<'a> {
 
     /// Trains a cloud.
     pub(super) fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
+        let mut journal = self.journal.take();
         let problem = self.problem();
         let bar = progress::bar("training", u64::from(schedule.steps));
         let mut smooth = None;
         let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
+        if let Some(journal) = &mut journal {
+            journal.resume(&mut descent)?;
+            let run = self.steps + descent.step();
+            if run > 0 && !journal.has_begun() && !descent.is_done() {
+                progress::resume(&bar, u64::from(descent.step()), u64::from(run));
+            }
+        }
         while !descent.is_done() {
             let loss = descent.advance(|_| {})?;
             let loss = smooth.map_or(loss, |s: f64| 0.95 * s + 0.05 * loss);
             smooth = Some(loss);
             bar.set_prefix(format!("loss {loss:.5}"));
             bar.set_position(u64::from(descent.step()));
+            if let Some(journal) = &mut journal {
+                journal.after_step(&descent)?;
+            }
         }
         bar.finish_and_clear();
+        if let Some(journal) = &mut journal {
+            journal.finish(&descent)?;
+        }
         let (cloud, random) = descent.finish();
         self.steps += schedule.steps;
         self.random = random;
+        self.journal = journal;
         Ok(cloud)
     }
 }
