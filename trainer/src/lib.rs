@@ -19,11 +19,12 @@
 //!
 //! [`train::train`] is the whole of 2 to 5; [`options`] says all that it depends on. The same mesh,
 //! options and seed give the same bytes on one platform, whatever the number of threads (the truth is
-//! rendered with the platform's own powers and sines). The command line stands
-//! in `main.rs` and `commands/`, which only read arguments and print.
+//! rendered with the platform's own powers and sines), also where it was killed on the way and goes on from a
+//! [`checkpoint`]. The command line stands in `main.rs` and `commands/`, which only read arguments and print.
 
 pub mod bench;
 pub mod camera_file;
+pub mod checkpoint;
 pub mod convert;
 pub mod demo;
 pub mod describe;

@@ -1,7 +1,7 @@
 //! Files: read if they are such, written whole or not at all.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
@@ -33,10 +33,24 @@ impl Output {
     }
 
     /// Writes everything and gives the file its name.
-    pub fn finish(mut self, bytes: &[u8]) -> Result<()> {
-        let written =
-            self.file.write_all(bytes).and_then(|()| fs::rename(&self.temporary, &self.path));
-        written.with_context(|| {
+    pub fn finish(self, bytes: &[u8]) -> Result<()> {
+        self.finish_after(bytes, |_| Ok(()))
+    }
+
+    /// The same, and what stands there is whole after a loss of power, too.
+    pub fn finish_on_disk(self, bytes: &[u8]) -> Result<()> {
+        self.finish_after(bytes, File::sync_all)
+    }
+
+    fn finish_after(
+        mut self,
+        bytes: &[u8],
+        written: impl FnOnce(&File) -> io::Result<()>,
+    ) -> Result<()> {
+        let named = (self.file.write_all(bytes))
+            .and_then(|()| written(&self.file))
+            .and_then(|()| fs::rename(&self.temporary, &self.path));
+        named.with_context(|| {
             format!("{}: cannot be written; is there room on the disk?", self.path.display())
         })
     }

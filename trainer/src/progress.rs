@@ -12,3 +12,11 @@ pub fn bar(what: &'static str, len: u64) -> ProgressBar {
     bar.set_style(style.progress_chars("=> "));
     bar
 }
+
+/// Moves a bar to where an earlier run left it, and says so above it: at step `run` of the whole run.
+pub fn resume(bar: &ProgressBar, here: u64, run: u64) {
+    bar.set_position(here);
+    // Or the steps of the earlier run would count as fast ones of this.
+    bar.reset_eta();
+    bar.println(format!("resuming at step {run}"));
+}

@@ -3,7 +3,9 @@
 use anyhow::{Result, ensure};
 use dermis_format::source::Mathematics;
 use dermis_runtime::Pose;
+use serde::{Deserialize, Serialize};
 
+use crate::checkpoint::{Checkpoint, Journal};
 use crate::embed::sides::two_sided;
 use crate::methods::{Culling, Workshop};
 use crate::model::Model;
@@ -14,7 +16,7 @@ use crate::scene::{self, KeyFrame, Painter};
 use crate::truth;
 
 /// A trained avatar.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Trained {
     /// The file.
     pub bytes: Vec<u8>,
@@ -28,6 +30,29 @@ pub struct Trained {
 
 /// Trains an avatar: truth, placement, descent, packing.
 pub fn train(model: &Model, options: &Options) -> Result<Trained> {
+    train_with(model, options, None)
+}
+
+/// The same, by a run that may be killed at any moment: run again with the same checkpoint it goes on, to the same
+/// bytes; once it is done it only reads them.
+///
+/// # Errors
+/// Where a file in the checkpoint's folder is damaged or belongs to another mesh or other options, too.
+pub fn train_resumably(
+    model: &Model,
+    options: &Options,
+    checkpoint: &Checkpoint,
+) -> Result<Trained> {
+    let mut journal = Journal::open(checkpoint, model, options)?;
+    if let Some(trained) = journal.result()? {
+        return Ok(trained);
+    }
+    let trained = train_with(model, options, Some(&mut journal))?;
+    journal.conclude(&trained)?;
+    Ok(trained)
+}
+
+fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -> Result<Trained> {
     let painter = Painter::new(model);
     let detail = options.detail.select(model)?;
     let key_frames = key_frames(model, options)?;
@@ -41,6 +66,9 @@ pub fn train(model: &Model, options: &Options) -> Result<Trained> {
     source.mesh.two_sided = two_sided(model, &seen);
     let mut workshop =
         Workshop::new(&source, &painter, &key_frames, views, &seen, detail, options)?;
+    if let Some(journal) = journal {
+        workshop.keep(journal);
+    }
     let cloud = options.method.train(&mut workshop)?;
     let scale_law = options.method.scale_law();
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };

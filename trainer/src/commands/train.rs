@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
+use dermis_trainer::checkpoint::Checkpoint;
 use dermis_trainer::describe::Info;
 use dermis_trainer::embed::hierarchy::gaussians_of;
 use dermis_trainer::methods::{Culling, Method};
@@ -60,6 +61,11 @@ pub(crate) struct Arguments {
     /// Ground truth held in memory, MB of 2^20 bytes; the rest lies in a temporary file (in TMPDIR).
     #[arg(long, value_name = "MB", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(0..=1 << 24))]
     memory: u64,
+    /// Folder for checkpoints, made where it is absent: killed at any moment and run again with the same arguments,
+    /// training goes on to the same file. When it is done the folder keeps the result alone, so that another run
+    /// is over at once; delete it as you like.
+    #[arg(long, value_name = "DIR")]
+    checkpoint: Option<PathBuf>,
 }
 
 /// What `--json` prints.
@@ -78,8 +84,11 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let output = output::Output::create(&arguments.output)?;
     let model = import::load(&arguments.mesh)?;
     check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
-    let trained =
-        train::train(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
+    let trained = match &arguments.checkpoint {
+        Some(folder) => train::train_resumably(&model, &options, &Checkpoint::new(folder.clone())),
+        None => train::train(&model, &options),
+    };
+    let trained = trained.with_context(|| arguments.mesh.display().to_string())?;
     output.finish(&trained.bytes)?;
     let info = Info::of(&Avatar::parse(&trained.bytes)?);
     let (seconds, culling) = (start.elapsed().as_secs_f64(), trained.culling);

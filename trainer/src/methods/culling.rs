@@ -1,7 +1,7 @@
 //! What culling backs costs a trained cloud, and what it saves.
 
 use anyhow::Result;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::metrics::psnr::psnr_db;
 use crate::optimize::cloud::{Cloud, Prefix};
@@ -15,7 +15,7 @@ use crate::truth::Scratch;
 const MOST_VIEWS: usize = 84;
 
 /// A cloud's pictures with backs culled by the two-sided bits, as they are drawn, and with nothing culled.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Culling {
     /// Backs culled.
     pub culled: Drawn,
@@ -26,7 +26,7 @@ pub struct Culling {
 }
 
 /// Means over training pictures.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Drawn {
     /// Over the pixels that the mesh covers, before rounding to the file's codes.
     pub psnr_foreground_db: f64,

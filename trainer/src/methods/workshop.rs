@@ -7,6 +7,7 @@ use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use super::culling::{self, Culling};
+use crate::checkpoint::Journal;
 use crate::embed::density;
 use crate::embed::initial::seed;
 use crate::embed::placement::spread;
@@ -42,6 +43,7 @@ pub struct Workshop<'a> {
     views: Vec<TrainingView>,
     pub(super) random: Random,
     steps: u32,
+    journal: Option<&'a mut Journal>,
 }
 
 impl<'a> Workshop<'a> {
@@ -83,8 +85,15 @@ impl<'a> Workshop<'a> {
             views,
             random,
             steps: 0,
+            journal: None,
         })
     }
+
+    /// Goes on from what a journal holds, and writes down what descents come to.
+    pub fn keep(&mut self, journal: &'a mut Journal) {
+        self.journal = Some(journal);
+    }
+
     /// Steps taken so far.
     pub fn steps(&self) -> u32 {
         self.steps
@@ -172,11 +181,19 @@ impl<'a> Workshop<'a> {
 
     /// Trains a cloud.
     pub(super) fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
+        let mut journal = self.journal.take();
         let problem = self.problem();
         let bar = progress::bar("training", u64::from(schedule.steps));
         let mut smooth: Option<Compared> = None;
         let gaussians = cloud.len();
         let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
+        if let Some(journal) = &mut journal {
+            journal.resume(&mut descent)?;
+            let run = self.steps + descent.step();
+            if run > 0 && !journal.has_begun() && !descent.is_done() {
+                progress::resume(&bar, u64::from(descent.step()), u64::from(run));
+            }
+        }
         while !descent.is_done() {
             let now = descent.advance()?.compared;
             let before = smooth.unwrap_or(now);
@@ -188,11 +205,18 @@ impl<'a> Workshop<'a> {
             let Compared { loss, .. } = compared;
             bar.set_prefix(format!("loss {loss:.5}, {psnr:.1} dB, {gaussians} Gaussians"));
             bar.set_position(u64::from(descent.step()));
+            if let Some(journal) = &mut journal {
+                journal.after_step(&descent)?;
+            }
         }
         bar.finish_and_clear();
+        if let Some(journal) = &mut journal {
+            journal.finish(&descent)?;
+        }
         let (cloud, random) = descent.finish();
         self.steps += schedule.steps;
         self.random = random;
+        self.journal = journal;
         Ok(cloud)
     }
 }

@@ -1,5 +1,7 @@
 //! Adam (Kingma & Ba 2015) with a rate for each kind of parameter.
 
+use serde::{Deserialize, Serialize};
+
 use super::cloud::{PARAMETERS, Parameters};
 
 const BETA1: f32 = 0.9;
@@ -8,7 +10,7 @@ const BETA2: f32 = 0.99;
 const EPSILON: f32 = 1e-15;
 
 /// Moments of one Gaussian's gradient.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Moments {
     first: [f32; PARAMETERS],
     second: [f32; PARAMETERS],

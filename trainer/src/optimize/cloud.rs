@@ -2,12 +2,13 @@
 
 use dermis_format::Disc;
 use dermis_runtime::plan::prefix_log2_scale;
+use serde::{Deserialize, Serialize};
 
 /// Numbers that describe one disc.
 pub const PARAMETERS: usize = 10;
 
 /// Parameters of one disc, in the frame of its triangle, lengths in units of the frame's size.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// x, y in the triangle's plane, z along its normal.
     pub position: [f32; 3],
@@ -77,7 +78,7 @@ impl Parameters {
 }
 
 /// What training may move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Freedom {
     /// Nothing: a Gaussian of an earlier layer.
     Fixed,
@@ -101,7 +102,7 @@ pub struct Seed {
 }
 
 /// All Gaussians of an avatar (one region), in the order of the file.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Cloud {
     /// Gaussians of each layer.
     pub layers: Vec<u32>,

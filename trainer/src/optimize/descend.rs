@@ -1,12 +1,13 @@
 //! Gradient descent over pictures.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use anyhow::Result;
 use dermis_format::LowPass;
 use dermis_runtime::Camera;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::adam::{Moments, Rates};
 use super::backward::{SplatGradient, by_splats};
@@ -83,6 +84,29 @@ pub struct Times {
     pub update: f64,
 }
 
+/// What steps change: with the cloud, the schedule and the problem that a descent began with, all that it needs to go
+/// on. What is fixed by those is not kept twice, and cannot contradict them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State<'a> {
+    step: u32,
+    random: Random,
+    /// Empty at the end.
+    order: Cow<'a, [usize]>,
+    levels: Cow<'a, [Vec<Parameters>]>,
+    /// Empty at the end.
+    moments: Cow<'a, [Vec<Moments>]>,
+}
+
+impl State<'_> {
+    /// Bytes that it takes, roughly.
+    pub fn bytes(&self) -> usize {
+        let of_order = 2 * self.order.len();
+        of_order
+            + self.levels.iter().map(|level| size_of_val(&level[..])).sum::<usize>()
+            + self.moments.iter().map(|level| size_of_val(&level[..])).sum::<usize>()
+    }
+}
+
 impl<'a> Descent<'a> {
     /// Before the first step.
     pub fn new(
@@ -121,6 +145,37 @@ impl<'a> Descent<'a> {
     /// The cloud as it is, and the numbers that come next.
     pub fn finish(self) -> (Cloud, Random) {
         (self.cloud, self.random)
+    }
+
+    /// Where it is.
+    pub fn state(&self) -> State<'_> {
+        // Who is done moves no more.
+        let (order, moments) =
+            if self.is_done() { Default::default() } else { (&self.order[..], &self.moments[..]) };
+        State {
+            step: self.step,
+            random: self.random.clone(),
+            order: order.into(),
+            levels: self.cloud.levels[..].into(),
+            moments: moments.into(),
+        }
+    }
+
+    /// Goes on from a state of the same descent. Returns whether it can be one; where not, the descent is of no use
+    /// any more.
+    #[must_use]
+    pub fn restore(&mut self, state: State<'_>) -> bool {
+        self.step = state.step;
+        let views = self.problem.views.len();
+        let fits = state.step <= self.schedule.steps
+            && state.order.iter().all(|&view| view < views)
+            && same_lengths(&state.levels, &self.cloud.levels)
+            && (self.is_done() || same_lengths(&state.moments, &self.moments));
+        self.random = state.random;
+        self.order = state.order.into_owned();
+        self.cloud.levels = state.levels.into_owned();
+        self.moments = state.moments.into_owned();
+        fits
     }
 
     /// Takes the next steps, one picture each: draws a few pictures, then moves the cloud against the gradient of
@@ -233,6 +288,10 @@ impl Shot<'_> {
 
 fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
+}
+
+fn same_lengths<A, B>(these: &[Vec<A>], those: &[Vec<B>]) -> bool {
+    these.iter().map(Vec::len).eq(those.iter().map(Vec::len))
 }
 
 /// Where the two pictures can differ.

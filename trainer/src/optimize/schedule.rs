@@ -1,10 +1,12 @@
 //! How long, how fast, and which prefix.
 
+use serde::{Deserialize, Serialize};
+
 use super::adam::Rates;
 use super::cloud::{Cloud, Prefix};
 
 /// A small generator of random numbers whose sequence the seed fixes (PCG32, O'Neill 2014).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Random {
     state: u64,
 }
