@@ -350,6 +350,11 @@ impl<'a> Avatar<'a> {
         self.tagged(tag::BLOCK).filter_map(move |payload| Block::split(payload, &header))
     }
 
+    /// Blocks' Gaussians at later levels, in the order of the file.
+    pub fn levels(&self) -> impl Iterator<Item = Level<'a>> {
+        self.tagged(tag::LEVEL).filter_map(Level::split)
+    }
+
     /// Blocks in the order of the file, those of a region with the records that their Gaussians have where its
     /// levels say; those of later layers as they are. Without parameters per level: [`Self::blocks`].
     /// Takes 2 KB of stack, and a pass over the heads of all sections before the first block.
