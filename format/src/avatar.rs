@@ -2,12 +2,15 @@
 
 use crate::block::Block;
 use crate::error::{Error, malformed};
-use crate::header::Header;
+use crate::header::{Header, PerLevel};
+use crate::level::Level;
+use crate::level_order::LevelOrder;
 use crate::record::{
     BindRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane, take_plane,
 };
 use crate::rig::{Clip, MorphTarget};
 use crate::section::{Section, Sections, section_crc, split_header, tag};
+use crate::walk::{Levels, Runs};
 
 /// An avatar, read in place. Everything was checked by [`Avatar::parse`]; accessors are total.
 #[derive(Clone, Copy, Debug)]
@@ -35,14 +38,16 @@ impl<'a> Avatar<'a> {
         let (header_bytes, rest) = split_header(bytes)?;
         let header = Header::parse(header_bytes)?;
         let mut avatar = Self::without_sections(header, bytes, Sections::new(rest));
-        let mut counts = Counts::default();
+        let mut counts = Counts::new(&avatar);
         let mut sections = avatar.sections;
-        while let Some(section) = sections.next_with_crc() {
+        loop {
+            let here = sections;
+            let Some(section) = sections.next_with_crc() else { break };
             let (section, crc) = section?;
             if crc != section_crc(&section) {
                 return Err(Error::Damaged { place: section_name(section.tag) });
             }
-            avatar.take(section, &mut counts)?;
+            avatar.take(section, here, &mut counts)?;
         }
         avatar.check(&counts)?;
         Ok(avatar)
@@ -71,7 +76,8 @@ impl<'a> Avatar<'a> {
     fn take(
         &mut self,
         Section { tag, payload }: Section<'a>,
-        counts: &mut Counts,
+        here: Sections<'a>,
+        counts: &mut Counts<'a>,
     ) -> Result<(), Error> {
         let header = self.header;
         let place = section_name(tag);
@@ -114,6 +120,16 @@ impl<'a> Avatar<'a> {
                 block.check(&header)?;
                 return counts.add(&block);
             }
+            tag::LEVEL => {
+                let Some(levels) = &mut counts.levels else {
+                    return malformed(place, "the header says that there are none");
+                };
+                let Some(level) = Level::split(payload) else {
+                    return malformed(place, "its length does not fit its contents");
+                };
+                level.check(&header)?;
+                return levels.level(&level, here);
+            }
             _ => Some(()),
         };
         split
@@ -137,7 +153,7 @@ impl<'a> Avatar<'a> {
             .then_some(())
     }
 
-    fn check(&self, counts: &Counts) -> Result<(), Error> {
+    fn check(&self, counts: &Counts<'_>) -> Result<(), Error> {
         let header = &self.header;
         let layers = usize::from(header.regions) * usize::from(header.layers);
         let lengths = [
@@ -158,6 +174,7 @@ impl<'a> Avatar<'a> {
         if let Some((_, _, place)) = lengths.iter().find(|(found, expected, _)| found != expected) {
             return malformed(place, "it is missing or not as long as the header says");
         }
+        counts.levels.as_ref().map_or(Ok(()), LevelOrder::end)?;
         self.check_rig()?;
         self.check_layers(counts)
     }
@@ -191,7 +208,7 @@ impl<'a> Avatar<'a> {
         Ok(())
     }
 
-    fn check_layers(&self, counts: &Counts) -> Result<(), Error> {
+    fn check_layers(&self, counts: &Counts<'_>) -> Result<(), Error> {
         let mut total = 0u64;
         let regions = counts.regions.iter().take(usize::from(self.header.regions));
         for (region, &in_blocks) in regions.enumerate() {
@@ -333,6 +350,23 @@ impl<'a> Avatar<'a> {
         self.tagged(tag::BLOCK).filter_map(move |payload| Block::split(payload, &header))
     }
 
+    /// Blocks' Gaussians at later levels, in the order of the file.
+    pub fn levels(&self) -> impl Iterator<Item = Level<'a>> {
+        self.tagged(tag::LEVEL).filter_map(Level::split)
+    }
+
+    /// Blocks in the order of the file, those of a region with the records that their Gaussians have where its
+    /// levels say; those of later layers as they are. Without parameters per level: [`Self::blocks`].
+    /// Takes 2 KB of stack, and a pass over the heads of all sections before the first block.
+    pub fn blocks_at(&self, levels: impl Fn(u8) -> Levels) -> impl Iterator<Item = Block<'a>> {
+        let has_levels = self.header.per_level == PerLevel::All;
+        let mut runs = has_levels.then(|| Runs::find(self.sections, &levels));
+        self.blocks().map(move |block| match &mut runs {
+            Some(runs) => runs.at(block, levels(block.region)),
+            None => block,
+        })
+    }
+
     /// Sections in the order of the file.
     pub fn sections(&self) -> Sections<'a> {
         self.sections
@@ -369,14 +403,25 @@ impl<'a> Iterator for Names<'a> {
 }
 
 /// What was counted on the way through the sections.
-#[derive(Default)]
-struct Counts {
+struct Counts<'a> {
     morph_targets: usize,
     clips: usize,
     regions: [u32; crate::header::MAX_REGIONS],
+    /// Where there may be levels.
+    levels: Option<LevelOrder<'a>>,
 }
 
-impl Counts {
+impl<'a> Counts<'a> {
+    fn new(avatar: &Avatar<'a>) -> Self {
+        let has_levels = avatar.header.per_level == PerLevel::All;
+        Self {
+            morph_targets: 0,
+            clips: 0,
+            regions: [0; crate::header::MAX_REGIONS],
+            levels: has_levels.then(|| LevelOrder::new(avatar.sections)),
+        }
+    }
+
     /// Blocks of a region follow each other without gaps.
     fn add(&mut self, block: &Block<'_>) -> Result<(), Error> {
         let Some(next) = self.regions.get_mut(usize::from(block.region)) else {
@@ -386,7 +431,7 @@ impl Counts {
             Some(sum) if block.first == *next => *next = sum,
             _ => return malformed("block", "it does not follow the block before it"),
         }
-        Ok(())
+        self.levels.as_mut().map_or(Ok(()), |levels| levels.block(block))
     }
 }
 
@@ -406,6 +451,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::CLIP => "CLIP",
         tag::KEY_FRAMES => "KEYF",
         tag::BLOCK => "BLCK",
+        tag::LEVEL => "LEVL",
         _ => "unknown section",
     }
 }

@@ -1,9 +1,10 @@
 //! A block: a band of one region's nested order, self-contained.
 
 use crate::error::{Error, malformed};
-use crate::header::{FrameKind, Header, RecordKind};
+use crate::header::{FrameKind, Header, PerLevel, RecordKind};
+use crate::level::split_groups;
 use crate::order::BLOCK_LEN;
-use crate::record::{BlockRecord, DiscRecord, FullRecord, GroupRecord, U16, plane, take_plane};
+use crate::record::{DiscRecord, FullRecord, GroupRecord, U16, plane, take_plane};
 
 /// Positions and log₂ scales beyond this are refused, so that no arithmetic of a reader overflows:
 /// 2⁴⁰ frame sizes.
@@ -34,6 +35,17 @@ pub struct Block<'a> {
     pub later_levels: usize,
     /// Spherical harmonics of each Gaussian: i8 codes, coefficient by coefficient, (r, g, b) each.
     pub harmonics: &'a [i8],
+    /// Where the block is seen between two levels ([`crate::walk`]), its Gaussians at the lower one.
+    pub below: Option<Below<'a>>,
+}
+
+/// The Gaussians of a block at another level: their triangles are the block's.
+#[derive(Clone, Copy, Debug)]
+pub struct Below<'a> {
+    /// As many as the block's, of the same counts and base triangles.
+    pub groups: &'a [GroupRecord],
+    /// Each Gaussian.
+    pub records: Records<'a>,
 }
 
 /// Records of a block.
@@ -45,17 +57,25 @@ pub enum Records<'a> {
     Full(&'a [FullRecord]),
 }
 
+impl Records<'_> {
+    /// The greatest code of a position.
+    pub fn last_position_code(&self) -> u16 {
+        match self {
+            Self::Disc(_) => 255,
+            Self::Full(_) => u16::MAX,
+        }
+    }
+}
+
 impl<'a> Block<'a> {
     /// Splits a block's payload into planes. Lengths are checked, numbers are not.
     pub(crate) fn split(payload: &'a [u8], header: &Header) -> Option<Self> {
-        let (head, rest) = take_plane::<BlockRecord>(payload, 1)?;
-        let head = head.first()?;
+        let (head, groups, rest) = split_groups(payload)?;
         let count = head.count.get();
         if count == 0 || count > BLOCK_LEN {
             return None;
         }
         let n = count as usize;
-        let (groups, rest) = take_plane(rest, usize::from(head.groups.get()))?;
         let (triangles, rest) =
             take_plane(rest, if header.frame == FrameKind::World { 0 } else { n })?;
         let (records, rest) = match header.record {
@@ -66,7 +86,7 @@ impl<'a> Block<'a> {
                 take_plane(rest, n).map(|(plane, rest)| (Records::Full(plane), rest))?
             }
         };
-        let later_levels = if header.opacity_per_level {
+        let later_levels = if header.per_level == PerLevel::Opacity {
             usize::from(header.layers).checked_sub(usize::from(head.layer) + 1)?
         } else {
             0
@@ -84,6 +104,7 @@ impl<'a> Block<'a> {
             opacities,
             later_levels,
             harmonics,
+            below: None,
         };
         (harmonics.len() == n * header.harmonics() * 3).then_some(block)
     }
@@ -96,16 +117,7 @@ impl<'a> Block<'a> {
         let mut place = 0;
         for group in self.groups {
             let count = usize::from(group.count_less_one) + 1;
-            let last = match self.records {
-                Records::Disc(_) => 255,
-                Records::Full(_) => u16::MAX,
-            };
-            let in_range =
-                group.position.iter().all(|range| range.is_within(last, GREATEST_POSITION))
-                    && group.log2_scale.is_within(255, GREATEST_LOG2_SCALE)
-                    && group.color.iter().all(|range| range.is_within(255, GREATEST_COLOR))
-                    && group.harmonics_step.get().abs() <= GREATEST_COLOR;
-            if !in_range {
+            if !has_valid_ranges(group, self.records.last_position_code()) {
                 return malformed("block", "a range is not finite, descends or is too large");
             }
             if header.frame != FrameKind::World {
@@ -125,4 +137,12 @@ impl<'a> Block<'a> {
         }
         Ok(())
     }
+}
+
+/// Whether every number of a group is finite and small enough; positions have codes up to `last`.
+pub(crate) fn has_valid_ranges(group: &GroupRecord, last: u16) -> bool {
+    group.position.iter().all(|range| range.is_within(last, GREATEST_POSITION))
+        && group.log2_scale.is_within(255, GREATEST_LOG2_SCALE)
+        && group.color.iter().all(|range| range.is_within(255, GREATEST_COLOR))
+        && group.harmonics_step.get().abs() <= GREATEST_COLOR
 }

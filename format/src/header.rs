@@ -50,6 +50,18 @@ pub enum ScaleLaw {
     SquareRoot,
 }
 
+/// What a Gaussian of an earlier layer has of its own at each later level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PerLevel {
+    /// Nothing: it is the same at all levels.
+    #[default]
+    Nothing,
+    /// Its opacity (LapisGS): planes of the blocks.
+    Opacity,
+    /// Everything: sections of their own ([`crate::level`]). Discs under [`ScaleLaw::SquareRoot`] alone.
+    All,
+}
+
 /// What the file holds. Encoded by postcard, fields in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
@@ -81,8 +93,8 @@ pub struct Header {
     pub scale_law: ScaleLaw,
     /// Degree of the spherical harmonics, 0..=3; 0: a colour only.
     pub harmonics_degree: u8,
-    /// Whether a Gaussian of layer m has an opacity for each level m, m+1, ….
-    pub opacity_per_level: bool,
+    /// What a Gaussian of layer m has of its own at levels m+1, m+2, ….
+    pub per_level: PerLevel,
     /// Lower corner of the rest pose's box (World: of the Gaussians'), metres.
     pub box_min: [f32; 3],
     /// Upper corner of the rest pose's box, metres.
@@ -129,6 +141,14 @@ impl Header {
             && (self.vertices != 0 || self.binds != 0 || self.record == RecordKind::Disc)
         {
             return malformed("header", "an avatar without triangles has vertices, binds or discs");
+        }
+        if self.per_level == PerLevel::All
+            && (self.record != RecordKind::Disc || self.scale_law != ScaleLaw::SquareRoot)
+        {
+            return malformed(
+                "header",
+                "levels have records of their own, which only discs under SquareRoot can have",
+            );
         }
         let numbers = [self.box_min, self.box_max, self.position_min, self.position_step];
         // Far below the range of f32, so that no product of theirs overflows.

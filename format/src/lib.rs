@@ -9,16 +9,19 @@
 //! 2. [`header`] says what the file holds and how wide its records are.
 //! 3. [`record`] names every byte of the planes of fixed-size records.
 //! 4. [`block`] is a band of a region's nested order, self-contained.
-//! 5. [`quant`] turns codes into numbers, and back.
-//! 6. [`order`] states which Gaussians of a block come first.
-//! 7. [`avatar`] is the checked view of it all.
-//! 8. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+//! 5. [`level`] is a block's Gaussians at a later level, [`walk`] puts both side by side.
+//! 6. [`quant`] turns codes into numbers, and back.
+//! 7. [`order`] states which Gaussians of a block come first.
+//! 8. [`avatar`] is the checked view of it all.
+//! 9. `source` and `writer` (feature `std`) encode what a trainer or converter has.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;
 pub mod block;
 pub mod error;
 pub mod header;
+pub mod level;
+mod level_order;
 pub mod order;
 pub mod quant;
 pub mod record;
@@ -26,11 +29,14 @@ pub mod rig;
 pub mod section;
 #[cfg(feature = "std")]
 pub mod source;
+pub mod walk;
 #[cfg(feature = "std")]
 pub mod writer;
 
 pub use avatar::Avatar;
-pub use block::{Block, Records};
+pub use block::{Below, Block, Records};
 pub use error::Error;
-pub use header::{FrameKind, Header, LowPass, RecordKind, ScaleLaw};
+pub use header::{FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};
+pub use level::Level;
 pub use quant::{Disc, Full};
+pub use walk::Levels;

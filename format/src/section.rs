@@ -65,6 +65,8 @@ pub mod tag {
     pub const KEY_FRAMES: [u8; 4] = *b"KEYF";
     /// A band of a region's order.
     pub const BLOCK: [u8; 4] = *b"BLCK";
+    /// The Gaussians of an earlier block at a later level.
+    pub const LEVEL: [u8; 4] = *b"LEVL";
 }
 
 /// A section: its tag and its payload.

@@ -147,6 +147,10 @@ pub struct Region {
     /// For each Gaussian of layer m, its opacities at levels m+1, m+2, … to the last; the whole list
     /// is empty if opacity is the same at all levels.
     pub later_opacities: Vec<Vec<f32>>,
+    /// For levels 1, 2, … each the discs of all Gaussians of earlier layers there, in the same order; a level
+    /// whose layer is empty, or the first one that is not, has none. The whole list is empty if Gaussians are
+    /// the same at all levels. For discs alone, under [`ScaleLaw::SquareRoot`], without later opacities.
+    pub levels: Vec<Vec<Disc>>,
     /// For each Gaussian 3 · ((degree + 1)² − 1) coefficients, (r, g, b) after (r, g, b); empty at degree 0.
     pub harmonics: Vec<Vec<f32>>,
 }

@@ -3,7 +3,9 @@
 use dermis_format::section::tag;
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Disc, FrameKind, LowPass, RecordKind, Records, ScaleLaw, order};
+use dermis_format::{
+    Avatar, Disc, FrameKind, LowPass, PerLevel, RecordKind, Records, ScaleLaw, order,
+};
 
 /// Bytes of the fenced block of SPEC.md that starts with ```` ```hex ````: each line is an offset,
 /// bytes, and a remark after a semicolon.
@@ -76,7 +78,7 @@ fn the_worked_bytes_say_what_the_text_says() {
     assert_eq!((header.frame, header.record), (FrameKind::Area, RecordKind::Disc));
     assert_eq!(header.low_pass, LowPass::Compensated);
     assert_eq!(header.scale_law, ScaleLaw::SquareRoot);
-    assert!(!header.opacity_per_level);
+    assert_eq!(header.per_level, PerLevel::Nothing);
     assert_eq!((header.box_min, header.box_max), ([0.0; 3], [1.0, 2.0, 0.0]));
     for (index, position) in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0]].iter().enumerate()
     {

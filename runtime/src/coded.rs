@@ -12,9 +12,10 @@ use crate::gaussian::{disc_on, full_on};
 use crate::harmonics;
 use crate::lanes::{Lanes, MAX_LANES, Row, lanes_at, load};
 use crate::math::each;
+use crate::mix::mixed;
 use crate::project::project;
 use crate::screen::SplatCamera;
-use crate::select::{Harmonics, Place};
+use crate::select::{Below, Harmonics, Place};
 
 /// Codes of a Gaussian, and what they mean.
 pub trait Record: Sized {
@@ -33,6 +34,13 @@ pub trait Record: Sized {
         words: [V::Words; 4],
         opacity: V,
         group: &GroupRecord,
+    ) -> Self::Decoded<V>;
+
+    /// Gaussians on their way from `upper` to `lower`, of which `share` is gone; the opacity is that of `upper`.
+    fn mixed<V: Lanes>(
+        upper: Self::Decoded<V>,
+        lower: &Self::Decoded<V>,
+        share: V,
     ) -> Self::Decoded<V>;
 
     /// Projects Gaussians whose scales grow by 2^`log2_factor`; gives their centres in the world, too,
@@ -83,6 +91,11 @@ impl Record for DiscRecord {
             #[inline(always)]
             |x| V::splat(token, x),
         )
+    }
+
+    #[inline(always)]
+    fn mixed<V: Lanes>(upper: Disc<V>, lower: &Disc<V>, share: V) -> Disc<V> {
+        mixed(&upper, lower, share)
     }
 
     #[inline(always)]
@@ -157,6 +170,12 @@ impl Record for FullRecord {
         )
     }
 
+    /// Only discs have levels.
+    #[inline(always)]
+    fn mixed<V: Lanes>(upper: Full<V>, _: &Full<V>, _: V) -> Full<V> {
+        upper
+    }
+
     #[inline(always)]
     fn project<V: Lanes>(
         full: Full<V>,
@@ -203,6 +222,9 @@ pub struct Coded<'a, R> {
     len: usize,
     frames: FrameRows,
     words: [[u32; 4]; BATCH],
+    /// At the level below, if `below` says that they are on their way there.
+    lower_words: [[u32; 4]; BATCH],
+    below: Option<Below<'a>>,
     opacity: [f32; BATCH],
     /// Whether `harmonics` are theirs: all of a group have some, or none has.
     has_harmonics: bool,
@@ -221,6 +243,8 @@ impl<'a, R: Record> Coded<'a, R> {
             len: 0,
             frames: FrameRows::new(),
             words: [[0; 4]; BATCH],
+            lower_words: [[0; 4]; BATCH],
+            below: None,
             opacity: [0.0; BATCH],
             has_harmonics: false,
             harmonics: [Harmonics::default(); BATCH],
@@ -252,6 +276,12 @@ impl<'a, R: Record> Coded<'a, R> {
             self.frames.set(lane, frame);
         }
         self.words[lane] = record.words();
+        if let Some(below) = &place.block.below {
+            self.below = place.below;
+            if let Some(record) = R::all(&below.records).get(place.index) {
+                self.lower_words[lane] = record.words();
+            }
+        }
         self.opacity[lane] = place.opacity;
         self.has_harmonics = !place.block.harmonics.is_empty();
         if self.has_harmonics {
@@ -264,16 +294,38 @@ impl<'a, R: Record> Coded<'a, R> {
     pub fn clear(&mut self) {
         self.len = 0;
         self.group = None;
+        self.below = None;
     }
 
     /// Gaussians `at..at + V::LEN`, decoded.
     #[inline(always)]
     pub fn decode<V: Lanes>(&self, token: V::Token, at: usize) -> R::Decoded<V> {
-        let words = V::load_word_rows(token, lanes_at::<_, V>(&self.words, at));
         let opacity = load(token, &self.opacity, at);
         let none = GroupRecord::default();
-        R::decode(token, words, opacity, self.group.unwrap_or(&none))
+        let decoded = R::decode(
+            token,
+            words_at::<V>(token, &self.words, at),
+            opacity,
+            self.group.unwrap_or(&none),
+        );
+        match &self.below {
+            Some(below) => {
+                let lower = R::decode(
+                    token,
+                    words_at::<V>(token, &self.lower_words, at),
+                    opacity,
+                    below.group,
+                );
+                R::mixed(decoded, &lower, V::splat(token, below.share))
+            }
+            None => decoded,
+        }
     }
+}
+
+#[inline(always)]
+fn words_at<V: Lanes>(token: V::Token, of: &[[u32; 4]], at: usize) -> [V::Words; 4] {
+    V::load_word_rows(token, lanes_at::<_, V>(of, at))
 }
 
 impl<R: Record> Default for Coded<'_, R> {

@@ -6,7 +6,8 @@
 //! 1. [`Avatar::parse`] checks the bytes once and reads them in place.
 //! 2. [`Posed`] skins the mesh in a [`Pose`] ([`pose`], [`posed`]) and gives each triangle a
 //!    coordinate system ([`frame`]).
-//! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]).
+//! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]), between two levels
+//!    where they have parameters of their own at each ([`mix`]).
 //! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
 //!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact many at
 //!    once ([`batch`], from the file's codes: [`coded`]), in shares that the caller's threads may take
@@ -18,8 +19,8 @@
 //! Formulas are written once over [`math::Real`], which f32, f64 and the vectors of [`lanes`] are; a
 //! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
-//! Beside that memory a frame takes stack: while it projects up to 8 KB for shares and 6 KB for a batch
-//! of 64 Gaussians, while it sorts 8 KB for counts.
+//! Beside that memory a frame takes stack: while it projects up to 8 KB for shares, 7 KB for a batch
+//! of 64 Gaussians and 2 KB to walk a file with parameters per level, while it sorts 8 KB for counts.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!
@@ -44,6 +45,7 @@ pub mod kernel;
 pub mod lanes;
 pub mod lists;
 pub mod math;
+pub mod mix;
 mod parts;
 pub mod plan;
 pub mod pose;

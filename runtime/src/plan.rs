@@ -1,7 +1,7 @@
 //! What a frame draws: a prefix of each region's nested order, under a budget.
 
 use dermis_format::header::MAX_REGIONS;
-use dermis_format::{Avatar, ScaleLaw};
+use dermis_format::{Avatar, Levels, PerLevel, ScaleLaw};
 
 use crate::error::Error;
 
@@ -14,8 +14,14 @@ pub struct RegionPlan {
     pub level: i32,
     /// Share of the next layer that is drawn, in [0, 1).
     pub fraction: f32,
-    /// Added to log₂ of every scale: ½ log₂(N / k) or 0.
+    /// Added to log₂ of every scale: ½ log₂(N / k) or 0. With parameters per level, of scales that arrive:
+    /// ½ log₂(n / k) with n Gaussians at the level [`Levels::upper`].
     pub log2_scale: f32,
+    /// With parameters per level the first level that holds `count` Gaussians, and the one below where
+    /// that matters.
+    pub levels: Levels,
+    /// How far the Gaussians of the level below have gone there, in [0, 1].
+    pub lower_share: f32,
 }
 
 /// The result of level-of-detail selection for one avatar.
@@ -115,7 +121,7 @@ impl RegionPlan {
     fn new(avatar: &Avatar<'_>, region: usize, count: u32) -> Self {
         let len = avatar.region_len(region);
         let count = count.min(len);
-        let mut plan = Self { count, level: -1, fraction: 0.0, log2_scale: 0.0 };
+        let mut plan = Self { count, level: -1, ..Self::default() };
         let mut before = 0;
         for layer in 0..usize::from(avatar.header().layers) {
             let layer_len = avatar.layer_len(region, layer);
@@ -126,10 +132,38 @@ impl RegionPlan {
             before += layer_len;
             plan.level = layer as i32;
         }
-        if avatar.header().scale_law == ScaleLaw::SquareRoot {
+        if avatar.header().per_level == PerLevel::All {
+            plan.find_levels(avatar, region);
+        } else if avatar.header().scale_law == ScaleLaw::SquareRoot {
             plan.log2_scale = prefix_log2_scale(count, len);
         }
         plan
+    }
+
+    /// Of n(i) Gaussians at level i, j is the first with n(j) ≥ count: at count = n(j) all have their records
+    /// of it, and they are at level j − 1 as count comes down to n(j − 1). Empty layers are no levels.
+    fn find_levels(&mut self, avatar: &Avatar<'_>, region: usize) {
+        let mut lower = None;
+        let mut len = 0;
+        for layer in 0..avatar.header().layers {
+            let layer_len = avatar.layer_len(region, layer.into());
+            if layer_len == 0 {
+                continue;
+            }
+            len += layer_len;
+            if self.count <= len {
+                self.levels.upper = layer;
+                self.log2_scale = prefix_log2_scale(self.count, len);
+                break;
+            }
+            lower = Some((layer, len));
+        }
+        if let Some((lower, lower_len)) = lower
+            && self.log2_scale > 0.0
+        {
+            self.levels.lower = Some(lower);
+            self.lower_share = self.log2_scale / prefix_log2_scale(lower_len, len);
+        }
     }
 }
 

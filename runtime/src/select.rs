@@ -5,6 +5,7 @@ use dermis_format::record::GroupRecord;
 use dermis_format::{Avatar, Block, Disc, Full, Records, order};
 
 use crate::math::Real;
+use crate::mix::{between, mixed};
 use crate::plan::{Plan, RegionPlan};
 
 /// Gaussians of less opacity are not in a level's occupancy (LapisGS, 3.1).
@@ -25,6 +26,17 @@ pub struct Place<'a, 'b> {
     pub opacity: f32,
     /// Added to log₂ of its scales.
     pub log2_factor: f32,
+    /// Where it is on its way to the level below.
+    pub below: Option<Below<'a>>,
+}
+
+/// What a Gaussian between two levels is mixed with.
+#[derive(Clone, Copy, Debug)]
+pub struct Below<'a> {
+    /// Ranges of its record there.
+    pub group: &'a GroupRecord,
+    /// How far it has gone there, in [0, 1].
+    pub share: f32,
 }
 
 /// A Gaussian of the plan, its scales and opacity those of the plan's level.
@@ -66,14 +78,15 @@ impl Harmonics<'_> {
     }
 }
 
-/// Calls `visit` for each block of the file that the plan draws from, and how many of its Gaussians:
-/// those of lower rank.
+/// Calls `visit` for each block of the file that the plan draws from, as it is at the plan's levels, and how
+/// many of its Gaussians: those of lower rank.
 pub fn for_each_block<'a>(
     avatar: &Avatar<'a>,
     plan: &Plan,
     mut visit: impl FnMut(&Block<'a>, &RegionPlan, u32),
 ) {
-    for block in avatar.blocks() {
+    let levels = |region: u8| plan.regions().get(usize::from(region)).map(|region| region.levels);
+    for block in avatar.blocks_at(|region| levels(region).unwrap_or_default()) {
         let Some(region) = plan.regions().get(usize::from(block.region)) else { continue };
         let drawn = region.count.saturating_sub(block.first).min(block.count);
         if drawn > 0 {
@@ -93,9 +106,11 @@ pub fn for_each_of_block<'a, 'b>(
     mut visit: impl FnMut(Place<'a, 'b>),
 ) {
     let whole = drawn >= block.count;
-    let log2_factor = region.log2_scale;
+    let log2_factor = log2_factor(block, region);
+    let mut below_groups = block.below.map_or(&[][..], |below| below.groups).iter();
     let mut start = 0usize;
     for group in block.groups {
+        let below = below_groups.next().map(|group| Below { group, share: region.lower_share });
         let base = group.base_triangle.get();
         let len = usize::from(group.count_less_one) + 1;
         let triangles = block.triangles.get(start..start + len);
@@ -116,7 +131,7 @@ pub fn for_each_of_block<'a, 'b>(
             if opacity >= LEAST_OPACITY {
                 let triangle = triangles.and_then(|triangles| triangles.get(usize::from(at)));
                 let triangle = triangle.map(|relative| base + u32::from(relative.get()));
-                visit(Place { block, group, index, triangle, opacity, log2_factor });
+                visit(Place { block, group, index, triangle, opacity, log2_factor, below });
             }
         }
         start += len;
@@ -126,14 +141,28 @@ pub fn for_each_of_block<'a, 'b>(
 /// Gaussians of a group at most: its count less one is a byte.
 const GROUP_LEN: usize = 256;
 
-/// Opacity at level λ = i + t: (1 − t) · o[i] + t · o[i + 1] for a Gaussian of layer m ≤ i, its own
-/// opacity o[m] for an arriving one (LapisGS, 3.2).
-#[inline]
-fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan) -> f32 {
-    let own = opacity_value(match block.records {
+/// Added to log₂ of the scales of a block's Gaussians: those that are on their way to the level below are as
+/// wide as both say.
+pub(crate) fn log2_factor(block: &Block<'_>, region: &RegionPlan) -> f32 {
+    if block.below.is_some() { 0.0 } else { region.log2_scale }
+}
+
+fn own_opacity(records: &Records<'_>, index: usize) -> f32 {
+    opacity_value(match records {
         Records::Disc(discs) => discs.get(index).map_or(0, |disc| disc.opacity),
         Records::Full(fulls) => fulls.get(index).map_or(0, |full| full.opacity),
-    });
+    })
+}
+
+/// Opacity at level λ = i + t: (1 − t) · o[i] + t · o[i + 1] for a Gaussian of layer m ≤ i, its own
+/// opacity o[m] for an arriving one (LapisGS, 3.2). Between two levels with parameters of their own: as all
+/// other numbers.
+#[inline]
+fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan) -> f32 {
+    let own = own_opacity(&block.records, index);
+    if let Some(below) = &block.below {
+        return between(own, own_opacity(&below.records, index), region.lower_share);
+    }
     let age = region.level - i32::from(block.layer);
     if block.later_levels == 0 || age < 0 {
         return own;
@@ -156,6 +185,12 @@ impl<'a> Place<'a, '_> {
         let gaussian = match self.block.records {
             Records::Disc(discs) => {
                 let mut disc = self.group.disc(discs.get(self.index)?);
+                if let Some(below) = &self.below
+                    && let Some(Records::Disc(lower)) = self.block.below.map(|b| b.records)
+                {
+                    let lower = below.group.disc(lower.get(self.index)?);
+                    disc = mixed(&disc, &lower, below.share);
+                }
                 disc.opacity = self.opacity;
                 disc.log2_scale.iter_mut().for_each(|scale| *scale += self.log2_factor);
                 Local::Disc(disc)

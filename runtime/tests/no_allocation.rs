@@ -50,6 +50,14 @@ fn discs() -> Source {
     }
 }
 
+/// The same with parameters per level.
+fn leveled() -> Source {
+    let mut source = discs();
+    let earlier = (0..200).map(|i| Disc { angle: 2.0, ..disc(i) }).collect();
+    source.regions[0].levels = vec![earlier];
+    source
+}
+
 /// The same with an opacity per level, two joints, a morph target and a clip.
 fn rigged() -> Source {
     let mut source = discs();
@@ -135,6 +143,7 @@ fn a_frame_allocates_nothing() {
     let cases = [
         ("discs at rest", discs(), Pose::Rest),
         ("discs on given vertices", discs(), Pose::Vertices(&vertices)),
+        ("parameters per level", leveled(), Pose::Rest),
         ("rig and opacity per level at rest", rigged(), Pose::Rest),
         ("rig and opacity per level in a clip", rigged(), clip),
         ("rig and opacity per level with given joints", rigged(), joints),

@@ -8,6 +8,7 @@ use dermis_runtime::Camera;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::disc_on;
 use dermis_runtime::math::{dot, rotation_rows};
+use dermis_runtime::plan::prefix_log2_scale;
 use dermis_runtime::project::{View, project};
 use dermis_runtime::raster::{LEAST_TRANSMITTANCE, alpha, log2_alpha};
 use dermis_trainer::optimize::backward::by_splats;
@@ -198,7 +199,7 @@ impl Scene {
             (0..pixels).map(|_| [0; 3].map(|_| between(&mut random, -0.2, 1.0))).collect();
         let mut cloud = Cloud::arrange(vec![8, 22], &seeds);
         if own_levels {
-            cloud.split_into_levels();
+            cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
             // Levels that differ in all they can.
             for (upper, lower) in (0..8).map(|i| (i, i)) {
                 let full = cloud.levels[1][upper].to_array();

@@ -9,7 +9,7 @@ use serde::Serialize;
 pub struct Info {
     /// Of the whole file.
     pub bytes: usize,
-    /// Of the blocks of Gaussians, for each Gaussian.
+    /// Of the blocks of Gaussians and of their levels, for each Gaussian.
     pub bytes_per_gaussian: f64,
     /// In all regions.
     pub gaussians: u32,
@@ -32,7 +32,7 @@ pub struct Info {
 pub struct Layer {
     /// Of all regions.
     pub gaussians: u32,
-    /// Of its blocks.
+    /// Of its blocks, and of what earlier layers have of their own at its level.
     pub bytes: usize,
 }
 
@@ -87,7 +87,8 @@ impl Info {
     pub fn of(avatar: &Avatar<'_>) -> Self {
         let header = avatar.header();
         let sections = parts(avatar);
-        let blocks = sections.iter().find(|part| part.name == "BLCK").map_or(0, |part| part.bytes);
+        let blocks = sections.iter().filter(|part| ["BLCK", "LEVL"].contains(&&*part.name));
+        let blocks: usize = blocks.map(|part| part.bytes).sum();
         Self {
             bytes: avatar.bytes().len(),
             bytes_per_gaussian: blocks as f64 / f64::from(header.gaussians.max(1)),
@@ -114,13 +115,16 @@ impl Info {
 }
 
 fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
+    let len = |s: section::Section<'_>| section::head::LEN + s.payload.len();
     let blocks = avatar.sections().filter(|s| s.tag == section::tag::BLOCK);
-    let bytes = blocks.zip(avatar.blocks()).filter(|(_, block)| block.layer == layer);
+    let blocks = blocks.zip(avatar.blocks()).filter(|(_, block)| block.layer == layer);
+    let levels = avatar.sections().filter(|s| s.tag == section::tag::LEVEL);
+    let levels = levels.zip(avatar.levels()).filter(|(_, level)| level.level == layer);
     Layer {
         gaussians: (0..usize::from(avatar.header().regions))
             .map(|r| avatar.layer_len(r, usize::from(layer)))
             .sum(),
-        bytes: bytes.map(|(s, _)| section::head::LEN + s.payload.len()).sum(),
+        bytes: blocks.map(|(s, _)| s).chain(levels.map(|(s, _)| s)).map(len).sum(),
     }
 }
 

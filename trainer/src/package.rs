@@ -1,7 +1,9 @@
 //! From a model and its Gaussians to the bytes of a file.
 
 use anyhow::{Context, Result};
+use dermis_format::ScaleLaw;
 use dermis_format::rig::Property;
+use dermis_format::Disc;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
@@ -44,13 +46,77 @@ pub fn rigged_mesh(model: &Model) -> Source {
 }
 
 /// Adds trained Gaussians to a mesh.
+///
+/// Those of a cloud of several levels come with parameters of their own at each, and the law by which such
+/// clouds are drawn; under a constant law, where levels differ in opacity alone, with opacities (LapisGS).
 pub fn with_gaussians(mut source: Source, cloud: &Cloud, mathematics: Mathematics) -> Source {
     source.mathematics = mathematics;
     let region = &mut source.regions[0];
     region.layers = cloud.layers.clone();
     region.triangles = cloud.triangles.clone();
-    region.gaussians = Gaussians::Disc(cloud.full().iter().map(Parameters::disc).collect());
+    let own = own_levels(cloud).map(|(level, index)| cloud.levels[level][index].disc());
+    region.gaussians = Gaussians::Disc(own.collect());
+    if cloud.levels.len() < 2 {
+        return source;
+    }
+    if mathematics.scale_law == ScaleLaw::Constant && differ_in_opacity_alone(cloud) {
+        region.later_opacities = later_opacities(cloud);
+    } else {
+        source.mathematics.scale_law = ScaleLaw::SquareRoot;
+        region.levels = later_levels(cloud);
+    }
     source
+}
+
+/// Level of the cloud at which each Gaussian is first drawn, and its index. One level is everyone's.
+fn own_levels(cloud: &Cloud) -> impl Iterator<Item = (usize, usize)> {
+    let starts = core::iter::once(0).chain(cloud.levels.iter().map(Vec::len));
+    let levels = starts.zip(&cloud.levels).enumerate();
+    levels.flat_map(|(level, (start, all))| (start..all.len()).map(move |index| (level, index)))
+}
+
+/// Level of the cloud that ends with each layer, none if that is empty: it is no level.
+fn level_of_layers(cloud: &Cloud) -> Vec<Option<usize>> {
+    let mut levels = 0..;
+    cloud.layers.iter().map(|&len| if len > 0 { levels.next() } else { None }).collect()
+}
+
+/// As [`Region::levels`].
+fn later_levels(cloud: &Cloud) -> Vec<Vec<Disc>> {
+    let mut earlier = 0;
+    let mut levels = Vec::new();
+    for (&len, level) in cloud.layers.iter().zip(level_of_layers(cloud)) {
+        let at = level.map_or(&[][..], |level| &cloud.levels[level][..earlier]);
+        levels.push(at.iter().map(Parameters::disc).collect());
+        earlier += len as usize;
+    }
+    // No Gaussian is earlier than the first layer.
+    levels.remove(0);
+    levels
+}
+
+fn differ_in_opacity_alone(cloud: &Cloud) -> bool {
+    own_levels(cloud).all(|(own, index)| {
+        let but_opacity = |level: &Vec<Parameters>| Parameters { logit: 0.0, ..level[index] };
+        let first = but_opacity(&cloud.levels[own]);
+        cloud.levels[own..].iter().all(|level| but_opacity(level) == first)
+    })
+}
+
+/// As [`Region::later_opacities`]. With an empty layer nothing changes.
+fn later_opacities(cloud: &Cloud) -> Vec<Vec<f32>> {
+    let levels = level_of_layers(cloud);
+    let of = |(own, index): (usize, usize)| {
+        let after = levels.iter().skip_while(move |&&level| level != Some(own)).skip(1);
+        let mut last = own;
+        after
+            .map(|level| {
+                last = level.unwrap_or(last);
+                cloud.levels[last][index].opacity()
+            })
+            .collect()
+    };
+    own_levels(cloud).map(of).collect()
 }
 
 /// Key frames as the file names them.

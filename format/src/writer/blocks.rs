@@ -3,11 +3,13 @@
 use core::iter;
 
 use crate::order;
+use crate::quant::Disc;
 use crate::quant::{opacity_code, ycocg_of_rgb};
 use crate::record::{BlockRecord, GroupRecord, KeyFrameRecord, Range, U16, U32};
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
 
+use super::levels::{check_levels, write_levels};
 use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section};
 
 /// Most Gaussians that share ranges.
@@ -47,6 +49,7 @@ pub(super) fn write_blocks(out: &mut Vec<u8>, source: &Source) -> Result<(), Enc
     }
     blocks.sort_unstable();
     for (_, index, layer, first, count) in blocks {
+        write_levels(out, &source.regions[index], index as u8, layer, first)?;
         let payload =
             block_payload(&source.regions[index], index as u8, layer, first, count, source)?;
         section(out, tag::BLOCK, &payload)?;
@@ -68,6 +71,7 @@ fn check_region(region: &Region, source: &Source) -> Result<(), EncodeError> {
             region.name
         ));
     }
+    check_levels(region, source)?;
     // Levels after each Gaussian's layer; there are as many Gaussians as layers say.
     let layers = region.layers.iter().rev().enumerate().rev();
     let later = layers.flat_map(|(later, &len)| iter::repeat_n(later, len as usize));
@@ -176,7 +180,7 @@ fn own_opacity_code(region: &Region, place: usize) -> u8 {
 }
 
 /// Where groups end: after 256 Gaussians, or before a triangle too far from the group's first.
-fn group_ends(triangles: &[u32], count: usize) -> Vec<usize> {
+pub(super) fn group_ends(triangles: &[u32], count: usize) -> Vec<usize> {
     let mut ends = Vec::new();
     let mut start = 0;
     while start < count {
@@ -204,15 +208,7 @@ fn group_record(
         return refuse("a Gaussian has a number that is not finite");
     }
     let (position, log2_scale, color) = match &region.gaussians {
-        Gaussians::Disc(discs) => {
-            let discs = &discs[places];
-            let position = |i: usize| spanning(discs.iter().map(|d| d.position[i]), 255);
-            (
-                [position(0)?, position(1)?, position(2)?],
-                spanning(discs.iter().flat_map(|d| d.log2_scale), 255)?,
-                color_ranges(discs.iter().map(|d| d.color))?,
-            )
-        }
+        Gaussians::Disc(discs) => return disc_group(&discs[places], base),
         Gaussians::Full(fulls) => {
             let fulls = &fulls[places];
             let position = |i: usize| spanning(fulls.iter().map(|g| g.position[i]), u16::MAX);
@@ -233,13 +229,28 @@ fn group_record(
     })
 }
 
+/// The ranges of discs that stand in a row.
+pub(super) fn disc_group(discs: &[Disc], base: u32) -> Result<GroupRecord, EncodeError> {
+    if !discs.iter().all(|d| d.angle.is_finite() && d.opacity.is_finite()) {
+        return refuse("a Gaussian has a number that is not finite");
+    }
+    let position = |i: usize| spanning(discs.iter().map(|d| d.position[i]), 255);
+    Ok(GroupRecord {
+        count_less_one: (discs.len() - 1) as u8,
+        base_triangle: base.into(),
+        position: [position(0)?, position(1)?, position(2)?],
+        log2_scale: spanning(discs.iter().flat_map(|d| d.log2_scale), 255)?,
+        color: color_ranges(discs.iter().map(|d| d.color))?,
+        harmonics_step: 0.0.into(),
+    })
+}
+
 /// Whether the numbers that have codes of their own (no range of the group) are finite.
 fn codes_are_finite(region: &Region, places: &core::ops::Range<usize>) -> bool {
     let later = region.later_opacities.get(places.clone()).unwrap_or(&[]);
     let own = match &region.gaussians {
-        Gaussians::Disc(discs) => {
-            discs[places.clone()].iter().all(|d| d.angle.is_finite() && d.opacity.is_finite())
-        }
+        // Those of discs are checked with their ranges.
+        Gaussians::Disc(_) => true,
         Gaussians::Full(fulls) => fulls[places.clone()]
             .iter()
             .all(|g| g.rotation.iter().all(|x| x.is_finite()) && g.opacity.is_finite()),

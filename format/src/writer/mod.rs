@@ -1,16 +1,18 @@
 //! The encoder: [`Source`] to bytes.
 
 mod blocks;
+mod levels;
 mod mesh;
 mod rig;
 
 use core::fmt;
 
-use crate::header::{Header, RecordKind};
+use crate::header::{Header, PerLevel, RecordKind};
 use crate::section::{MAGIC, Section, VERSION, preamble, preamble_crc, section_crc, tag};
 use crate::source::{Gaussians, Source};
 
 use blocks::{write_blocks, write_regions};
+use levels::has_levels;
 use mesh::{check_mesh, morph_payload, position_grid, write_mesh};
 use rig::{clip_payload, write_rig};
 
@@ -81,12 +83,22 @@ fn header(source: &Source) -> Result<Header, EncodeError> {
         low_pass: source.mathematics.low_pass,
         scale_law: source.mathematics.scale_law,
         harmonics_degree: source.mathematics.harmonics_degree,
-        opacity_per_level: source.regions.iter().any(|region| !region.later_opacities.is_empty()),
+        per_level: per_level(source),
         box_min: source.bounds[0],
         box_max: source.bounds[1],
         position_min,
         position_step,
     })
+}
+
+fn per_level(source: &Source) -> PerLevel {
+    if source.regions.iter().any(has_levels) {
+        PerLevel::All
+    } else if source.regions.iter().any(|region| !region.later_opacities.is_empty()) {
+        PerLevel::Opacity
+    } else {
+        PerLevel::Nothing
+    }
 }
 
 /// A number in the type that the file has for it.

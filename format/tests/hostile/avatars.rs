@@ -1,10 +1,11 @@
 //! Avatars of every kind, and a walk over all that a reader offers.
 
+use dermis_format::record::GroupRecord;
 use dermis_format::rig::Property;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
-use dermis_format::{Avatar, Disc, FrameKind, Full, Records};
+use dermis_format::{Avatar, Block, Disc, FrameKind, Full, Levels, Records};
 
 /// A number in 0..1 that depends on `seed` alone (SplitMix64).
 pub(crate) fn random(seed: u64) -> f32 {
@@ -99,6 +100,44 @@ pub(crate) fn opacities() -> Source {
     source
 }
 
+/// Two regions whose Gaussians are others at each level; one of their layers is empty.
+pub(crate) fn levels() -> Source {
+    let mut source = discs();
+    source.mesh.triangle_regions = vec![0, 1, 1];
+    source.regions = vec![
+        discs_on("all", &[2, 0, 3, 4], 3),
+        discs_on("late", &[0, 3, 2, 0], 3),
+        discs_on("never", &[0, 0, 0, 0], 3),
+    ];
+    add_levels(&mut source);
+    source
+}
+
+/// Gives every Gaussian parameters of its own at each level.
+pub(crate) fn add_levels(source: &mut Source) {
+    for region in &mut source.regions {
+        let mut earlier = 0;
+        region.levels.clear();
+        for (level, &len) in (0u64..).zip(&region.layers) {
+            if level > 0 {
+                let n = if len > 0 { earlier } else { 0 };
+                region.levels.push((0..n).map(|i| disc((1000 + i) * 16 + level)).collect());
+            }
+            earlier += u64::from(len);
+        }
+    }
+}
+
+/// Blocks and groups enough that levels have several.
+pub(crate) fn many_levels() -> Source {
+    let mut source = regions();
+    source.regions[0] = discs_on("Gesicht", &[300, 5000, 700], 3);
+    source.regions[1] = discs_on("leer", &[0, 0, 0], 3);
+    source.regions[2] = discs_on("手", &[2, 0, 4200], 3);
+    add_levels(&mut source);
+    source
+}
+
 pub(crate) fn regions() -> Source {
     let mut source = discs();
     source.mesh.triangle_regions = vec![0, 2, 1];
@@ -187,6 +226,8 @@ pub(crate) fn all() -> Vec<(&'static str, Source)> {
         ("harmonics", harmonics()),
         ("opacities", opacities()),
         ("regions", regions()),
+        ("levels", levels()),
+        ("many levels", many_levels()),
         ("wide", wide()),
         ("cloud", cloud()),
         ("rigged", rigged()),
@@ -224,36 +265,71 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
         assert!(block.region < header.regions && block.layer < header.layers);
         assert_eq!(block.opacities.len(), block.count as usize * block.later_levels);
         assert_eq!(block.harmonics.len(), block.count as usize * header.harmonics() * 3);
+        assert!(block.below.is_none());
         let mut place = 0;
         for group in block.groups {
-            assert!(group.harmonics_step.get().is_finite());
             for _ in 0..=group.count_less_one {
                 if let Some(triangle) = block.triangles.get(place) {
                     let triangle = group.base_triangle.get() + u32::from(triangle.get());
                     assert!(triangle < header.triangles);
                 }
-                let numbers: Vec<f32> = match block.records {
-                    Records::Disc(discs) => {
-                        let d = group.disc(&discs[place]);
-                        [&d.position[..], &[d.angle], &d.log2_scale, &d.color, &[d.opacity]]
-                            .concat()
-                    }
-                    Records::Full(fulls) => {
-                        let f = group.full(&fulls[place]);
-                        let length2: f32 = f.rotation.iter().map(|x| x * x).sum();
-                        assert!((0.99..1.52).contains(&length2), "{:?}", f.rotation);
-                        [&f.position[..], &f.rotation, &f.log2_scale, &f.color, &[f.opacity]]
-                            .concat()
-                    }
-                };
-                assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?}");
                 place += 1;
-                gaussians += 1;
             }
         }
-        assert_eq!(place, block.count as usize);
+        gaussians += walk_records(block.groups, &block.records);
     }
     assert_eq!(gaussians, header.gaussians);
+    // Between any two levels, in sense or not, there are as many.
+    for upper in [0, 1, 2, header.layers - 1, u8::MAX] {
+        for lower in [None, Some(0), Some(1), Some(upper)] {
+            let blocks = avatar.blocks_at(|_| Levels { upper, lower });
+            assert!(blocks.zip(avatar.blocks()).all(|(at, block)| walk_at(&at, &block)));
+            assert_eq!(
+                avatar.blocks_at(|_| Levels { upper, lower }).count(),
+                avatar.blocks().count()
+            );
+        }
+    }
+}
+
+/// Whether a block at a level has the Gaussians of the block.
+fn walk_at(at: &Block<'_>, block: &Block<'_>) -> bool {
+    let groups = |groups: &[GroupRecord]| -> Vec<_> {
+        groups.iter().map(|group| (group.count_less_one, group.base_triangle.get())).collect()
+    };
+    assert_eq!(walk_records(at.groups, &at.records), block.count);
+    if let Some(below) = &at.below {
+        assert_eq!(walk_records(below.groups, &below.records), block.count);
+        assert_eq!(groups(below.groups), groups(block.groups));
+    }
+    assert_eq!(groups(at.groups), groups(block.groups));
+    (at.region, at.layer, at.first, at.count)
+        == (block.region, block.layer, block.first, block.count)
+}
+
+/// Decodes all Gaussians, and says how many.
+fn walk_records(groups: &[GroupRecord], records: &Records<'_>) -> u32 {
+    let mut place = 0;
+    for group in groups {
+        assert!(group.harmonics_step.get().is_finite());
+        for _ in 0..=group.count_less_one {
+            let numbers: Vec<f32> = match records {
+                Records::Disc(discs) => {
+                    let d = group.disc(&discs[place]);
+                    [&d.position[..], &[d.angle], &d.log2_scale, &d.color, &[d.opacity]].concat()
+                }
+                Records::Full(fulls) => {
+                    let f = group.full(&fulls[place]);
+                    let length2: f32 = f.rotation.iter().map(|x| x * x).sum();
+                    assert!((0.99..1.52).contains(&length2), "{:?}", f.rotation);
+                    [&f.position[..], &f.rotation, &f.log2_scale, &f.color, &[f.opacity]].concat()
+                }
+            };
+            assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?}");
+            place += 1;
+        }
+    }
+    place as u32
 }
 
 fn walk_rig(avatar: &Avatar<'_>) {

@@ -1,6 +1,7 @@
 //! Bytes that are cut short, damaged or made up: an error, or an avatar that is safe to read.
 
 mod avatars;
+mod levels;
 mod round_trip;
 
 use std::time::{Duration, Instant};
@@ -8,7 +9,7 @@ use std::time::{Duration, Instant};
 use avatars::{all, walk};
 use dermis_format::section::{Section, Sections, head, preamble, preamble_crc, section_crc};
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Error, FrameKind, Header, LowPass, RecordKind, ScaleLaw};
+use dermis_format::{Avatar, Error, FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};
 use proptest::prelude::*;
 
 /// Makes every CRC right, so that the checks behind them are reached.
@@ -169,7 +170,11 @@ fn header_bytes(header: &Header) -> Vec<u8> {
         u8::from(low_pass == LowPass::Compensated),
         u8::from(scale_law == ScaleLaw::SquareRoot),
         header.harmonics_degree,
-        u8::from(header.opacity_per_level),
+        match header.per_level {
+            PerLevel::Nothing => 0,
+            PerLevel::Opacity => 1,
+            PerLevel::All => 2,
+        },
     ]);
     let numbers = [header.box_min, header.box_max, header.position_min, header.position_step];
     bytes.extend(numbers.iter().flatten().flat_map(|x| x.to_le_bytes()));
@@ -198,7 +203,7 @@ fn a_header_that_claims_billions_costs_an_error() {
         header_bytes(&header)
     };
     assert!(parse_and_walk(&file(&lie(|_| ()), &sections)));
-    let lies: [fn(&mut Header); 12] = [
+    let lies: [fn(&mut Header); 13] = [
         |h| h.vertices = u32::MAX,
         |h| h.triangles = u32::MAX,
         |h| h.gaussians = u32::MAX,
@@ -209,7 +214,8 @@ fn a_header_that_claims_billions_costs_an_error() {
         |h| h.clips = u16::MAX,
         |h| h.regions = 32,
         |h| h.layers = 16,
-        |h| h.opacity_per_level = true,
+        |h| h.per_level = PerLevel::Opacity,
+        |h| h.per_level = PerLevel::All,
         |h| h.record = RecordKind::Full,
     ];
     let start = Instant::now();
@@ -223,7 +229,7 @@ fn a_header_that_claims_billions_costs_an_error() {
 
 #[test]
 fn a_header_out_of_its_limits_is_refused() {
-    let lies: [fn(&mut Header); 9] = [
+    let lies: [fn(&mut Header); 11] = [
         |h| h.regions = 0,
         |h| h.regions = 33,
         |h| h.layers = 0,
@@ -231,6 +237,8 @@ fn a_header_out_of_its_limits_is_refused() {
         |h| h.harmonics_degree = 4,
         |h| h.harmonics_degree = 1,
         |h| h.frame = FrameKind::World,
+        |h| (h.per_level, h.scale_law) = (PerLevel::All, ScaleLaw::Constant),
+        |h| (h.per_level, h.record) = (PerLevel::All, RecordKind::Full),
         |h| h.box_max[1] = f32::NAN,
         |h| h.position_step[2] = f32::INFINITY,
     ];
@@ -291,25 +299,25 @@ proptest! {
 
     #[test]
     fn soup_in_sections_never_panics(
-        payloads in prop::collection::vec((0usize..15, prop::collection::vec(any::<u8>(), 0..200)), 0..12),
-        kind in 0usize..7,
+        payloads in prop::collection::vec((0usize..16, prop::collection::vec(any::<u8>(), 0..200)), 0..12),
+        kind in 0usize..8,
     ) {
-        const TAGS: [&[u8; 4]; 15] = [
+        const TAGS: [&[u8; 4]; 16] = [
             b"VERT", b"SKIN", b"TRIS", b"SIDE", b"TREG", b"REGN", b"LAYR", b"JNTS", b"JNAM",
-            b"BIND", b"MRPH", b"CLIP", b"KEYF", b"BLCK", b"????",
+            b"BIND", b"MRPH", b"CLIP", b"KEYF", b"BLCK", b"LEVL", b"????",
         ];
         let bytes = encode(&all_small(kind)).unwrap();
         let avatar = Avatar::parse(&bytes).unwrap();
         let mut sections: Vec<_> = avatar.sections().map(|s| (s.tag, s.payload)).collect();
         for (tag, payload) in &payloads {
-            sections.insert(*tag * sections.len() / 15, (*TAGS[*tag], payload));
+            sections.insert(*tag * sections.len() / 16, (*TAGS[*tag], payload));
         }
         parse_and_walk(&file(&header_bytes(avatar.header()), &sections));
     }
 
     #[test]
     fn changed_bytes_are_found_or_harmless(
-        kind in 0usize..7,
+        kind in 0usize..8,
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
     ) {
@@ -328,7 +336,7 @@ proptest! {
     /// Numbers of the payload become NaN, infinities, and the greatest of their kind.
     #[test]
     fn odd_numbers_are_found_or_harmless(
-        kind in 0usize..7,
+        kind in 0usize..8,
         at in any::<prop::sample::Index>(),
         number in prop::sample::select(vec![
             f32::NAN.to_bits(), f32::INFINITY.to_bits(), f32::NEG_INFINITY.to_bits(),
@@ -352,6 +360,7 @@ fn all_small(kind: usize) -> dermis_format::source::Source {
         2 => avatars::regions(),
         3 => avatars::cloud(),
         4 => avatars::discs(),
+        5 | 6 => avatars::levels(),
         _ => avatars::rigged(),
     }
 }

@@ -3,15 +3,16 @@
 use dermis_format::quant::ANGLE_STEP;
 use dermis_format::record::{DiscRecord, FullRecord, GroupRecord, Range};
 use dermis_format::source::{Gaussians, Mathematics, Region, Source};
-use dermis_format::{Block, Disc, FrameKind, Full, LowPass, Records, ScaleLaw};
+use dermis_format::{Below, Block, Disc, FrameKind, Full, LowPass, PerLevel, Records, ScaleLaw};
 use dermis_runtime::batch::BATCH;
 use dermis_runtime::coded::{Coded, Record};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::kernel::Work;
 use dermis_runtime::lanes::Lanes;
+use dermis_runtime::mix::mixed;
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::screen::SplatCamera;
-use dermis_runtime::select::{Place, for_each_block, for_each_of_block};
+use dermis_runtime::select::{self, Place, for_each_block, for_each_of_block};
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 use proptest::prelude::*;
 
@@ -41,8 +42,8 @@ struct Kind {
     full: Option<u8>,
     low_pass: LowPass,
     law: ScaleLaw,
-    /// Whether later layers have an opacity for each level.
-    per_level: bool,
+    /// What later levels have of their own.
+    per_level: PerLevel,
 }
 
 fn kinds() -> impl Strategy<Value = Kind> {
@@ -53,20 +54,27 @@ fn kinds() -> impl Strategy<Value = Kind> {
         (FrameKind::Edge, true),
         (FrameKind::World, true),
     ]);
-    (frame, 0..4u8, any::<bool>(), any::<bool>(), any::<bool>()).prop_map(
-        |((frame, full), degree, classic, constant, per_level)| Kind {
-            frame,
-            full: full.then_some(degree),
-            low_pass: if classic { LowPass::Classic } else { LowPass::Compensated },
-            law: if constant { ScaleLaw::Constant } else { ScaleLaw::SquareRoot },
-            per_level,
+    let per_level = prop::sample::select(vec![PerLevel::Nothing, PerLevel::Opacity, PerLevel::All]);
+    (frame, 0..4u8, any::<bool>(), any::<bool>(), per_level).prop_map(
+        |((frame, full), degree, classic, constant, per_level)| {
+            // Discs alone have all of their own, and one law.
+            let per_level =
+                if full && per_level == PerLevel::All { PerLevel::Opacity } else { per_level };
+            let constant = constant && per_level != PerLevel::All;
+            Kind {
+                frame,
+                full: full.then_some(degree),
+                low_pass: if classic { LowPass::Classic } else { LowPass::Compensated },
+                law: if constant { ScaleLaw::Constant } else { ScaleLaw::SquareRoot },
+                per_level,
+            }
         },
     )
 }
 
-/// A cloud of two layers, some of it behind the camera, off screen or too faint, on triangles that
+/// A cloud in layers, some of it behind the camera, off screen or too faint, on triangles that
 /// look to all sides, some of them without area.
-fn cloud(kind: Kind, layers: [u32; 2], numbers: &mut Numbers) -> Source {
+fn cloud(kind: Kind, layers: [u32; 3], numbers: &mut Numbers) -> Source {
     let mut source = sheet(&[]);
     source.mathematics = Mathematics {
         frame: kind.frame,
@@ -84,7 +92,7 @@ fn cloud(kind: Kind, layers: [u32; 2], numbers: &mut Numbers) -> Source {
         source.mesh.triangles[1] = [0, 0, 1];
         source.mesh.two_sided = (0..triangles).map(|_| numbers.word() >> 31 == 0).collect();
     }
-    let discs: Vec<Disc> = (0..layers[0] + layers[1]).map(|_| disc(numbers)).collect();
+    let discs: Vec<Disc> = (0..layers.iter().sum()).map(|_| disc(numbers)).collect();
     let mut region = Region { name: "all".into(), layers: layers.to_vec(), ..Region::default() };
     if kind.frame != FrameKind::World {
         // In a block Gaussians stand by triangle.
@@ -92,11 +100,17 @@ fn cloud(kind: Kind, layers: [u32; 2], numbers: &mut Numbers) -> Source {
             |len: u32| (0..len).map(move |i| (u64::from(i * triangles) / u64::from(len)) as u32);
         region.triangles = layers.into_iter().flat_map(of).collect();
     }
-    if kind.per_level {
-        region.later_opacities = (0..layers[0])
-            .map(|_| vec![numbers.signed().abs()])
-            .chain((0..layers[1]).map(|_| Vec::new()))
-            .collect();
+    if kind.per_level == PerLevel::Opacity {
+        for (later, len) in [2, 1, 0].into_iter().zip(layers) {
+            let mut list = || (0..later).map(|_| numbers.signed().abs()).collect();
+            region.later_opacities.extend((0..len).map(|_| list()));
+        }
+    }
+    if kind.per_level == PerLevel::All {
+        let earlier = [layers[0], layers[0] + layers[1]];
+        let lens = [0, 1].map(|i| if layers[i + 1] > 0 { earlier[i] } else { 0 });
+        region.levels =
+            lens.map(|len| (0..len).map(|_| disc(numbers)).collect()).into_iter().collect();
     }
     region.gaussians = match kind.full {
         None => Gaussians::Disc(discs),
@@ -158,7 +172,7 @@ proptest! {
     #[test]
     fn splats_of_a_frame_are_those_one_by_one(
         kind in kinds(),
-        layers in prop::array::uniform2(0..400u32),
+        layers in prop::array::uniform3(prop_oneof![9 => 0..300u32, 1 => Just(0)]),
         share in 0f32..1.2,
         distance in prop::sample::select(vec![0.3f32, 1.0, 3.0, 30.0]),
         seed in any::<u32>(),
@@ -202,10 +216,10 @@ fn clouds_are_seen_in_part() {
         full: Some(3),
         low_pass: LowPass::Compensated,
         law: ScaleLaw::SquareRoot,
-        per_level: true,
+        per_level: PerLevel::Opacity,
     };
     for seed in 0..20 {
-        let file = bytes(&cloud(kind, [300, 300], &mut Numbers(seed)));
+        let file = bytes(&cloud(kind, [200, 200, 200], &mut Numbers(seed)));
         let avatar = Avatar::parse(&file).unwrap();
         let mut posing = vec![0; Posed::scratch_len(&avatar)];
         let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
@@ -239,6 +253,18 @@ fn decoded<R: Record, const N: usize>(
     [first, len]: [usize; 2],
     columns: impl Columns<R, N>,
 ) -> Vec<[f32; N]> {
+    decoded_between(kernel, records, group, None, [first, len], columns)
+}
+
+/// The same on their way to other records.
+fn decoded_between<R: Record, const N: usize>(
+    kernel: Kernel,
+    records: Records<'_>,
+    group: &GroupRecord,
+    lower: Option<(Records<'_>, select::Below<'_>)>,
+    [first, len]: [usize; 2],
+    columns: impl Columns<R, N>,
+) -> Vec<[f32; N]> {
     let count = match records {
         Records::Disc(discs) => discs.len(),
         Records::Full(fulls) => fulls.len(),
@@ -254,12 +280,20 @@ fn decoded<R: Record, const N: usize>(
         opacities: &[],
         later_levels: 0,
         harmonics: &[],
+        below: lower.map(|(records, _)| Below { groups: &[], records }),
     };
     let mut coded = Coded::<R>::new();
     for index in first..first + len {
         let opacity = index as f32;
-        let place =
-            Place { block: &block, group, index, triangle: None, opacity, log2_factor: 0.75 };
+        let place = Place {
+            block: &block,
+            group,
+            index,
+            triangle: None,
+            opacity,
+            log2_factor: 0.75,
+            below: lower.map(|(_, below)| below),
+        };
         assert!(coded.takes(&place));
         coded.push(&place, None);
     }
@@ -346,6 +380,56 @@ fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
                     assert_eq!(found, expected, "{index} by {}: {disc:?}", kernel.name());
                 }
                 first += len;
+            }
+        }
+    }
+}
+
+/// Between two levels: every difference of angles, at shares that round and that do not.
+#[test]
+fn discs_between_levels_are_mixed_alike_one_by_one_and_in_lanes() {
+    let numbers = &mut Numbers(2);
+    for share in [0.0, 1e-7, 0.25, 0.3, 0.75, 0.999_999_9, 1.0] {
+        let groups = [group(numbers), group(numbers)];
+        let [upper, lower] = [0, 1].map(|salt| -> Vec<DiscRecord> {
+            let mut record = |i: u8| {
+                let words = [numbers.word(), numbers.word()].map(u32::to_le_bytes);
+                let [[a, b, c, d], [e, f, g, h]] = words;
+                let angle = if salt == 0 { i } else { i.wrapping_mul(3) };
+                DiscRecord {
+                    position: [a, b, c],
+                    angle,
+                    scale: [d, e],
+                    color: [f, g, h],
+                    opacity: i,
+                }
+            };
+            (0..=255).map(&mut record).collect()
+        });
+        let below = select::Below { group: &groups[1], share };
+        for kernel in kernels() {
+            for first in (0..256).step_by(BATCH) {
+                let found = decoded_between(
+                    kernel,
+                    Records::Disc(&upper),
+                    &groups[0],
+                    Some((Records::Disc(&lower), below)),
+                    [first, BATCH],
+                    DiscColumns,
+                );
+                for (found, index) in found.into_iter().zip(first..) {
+                    let [upper, lower] =
+                        [groups[0].disc(&upper[index]), groups[1].disc(&lower[index])];
+                    let disc = mixed(&upper, &lower, share);
+                    // The short way: no more than a quarter turn, and to the same line.
+                    assert!((disc.angle - upper.angle).abs() <= 1.5708, "{upper:?} {lower:?}");
+                    let rest = (disc.angle - lower.angle) / core::f32::consts::PI;
+                    assert!(share < 1.0 || (rest - rest.round()).abs() < 1e-6, "{disc:?}");
+                    let disc = Disc { opacity: index as f32, ..disc };
+                    let expected = Columns::<DiscRecord, 10>::of::<f32>(&DiscColumns, disc);
+                    let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
+                    assert_eq!(found, expected, "{index} by {}: {disc:?}", kernel.name());
+                }
             }
         }
     }

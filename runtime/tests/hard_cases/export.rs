@@ -9,7 +9,7 @@ use dermis_runtime::{
 };
 
 use crate::numbers::rigged;
-use crate::scenes::{BALL, DOT, bytes, camera, cloud, crowd, plain, random, sheet};
+use crate::scenes::{BALL, DOT, bytes, camera, cloud, crowd, leveled_crowd, plain, random, sheet};
 
 /// What is in memory that nothing was written to.
 const UNTOUCHED: f32 = -77.0;
@@ -33,9 +33,13 @@ fn export(
 }
 
 fn all(source: &Source, eye: [f32; 3], sides: Sides) -> Vec<PosedGaussian> {
+    some(source, u32::MAX, eye, sides)
+}
+
+fn some(source: &Source, budget: u32, eye: [f32; 3], sides: Sides) -> Vec<PosedGaussian> {
     let file = bytes(source);
     let avatar = Avatar::parse(&file).unwrap();
-    let plan = Plan::with_budget(&avatar, u32::MAX);
+    let plan = Plan::with_budget(&avatar, budget);
     export(&avatar, &Pose::Rest, &plan, eye, sides, plan.gaussians() as usize).unwrap()
 }
 
@@ -71,17 +75,17 @@ fn projected(camera: &Camera, gaussian: &PosedGaussian) -> ([f64; 2], [f64; 3]) 
 
 /// What is exported and projected elsewhere is what this crate draws: the same Gaussians in the same
 /// order, where they stand, how they extend, in their colours.
-fn check_against_splats(source: &Source) {
+fn check_against_splats(source: &Source, budget: u32) {
     let file = bytes(source);
     let avatar = Avatar::parse(&file).unwrap();
     // All is in view, and nothing is too faint.
     let camera = camera(400, 400, 150.0, 2.5);
-    let plan = Plan::with_budget(&avatar, u32::MAX);
+    let plan = Plan::with_budget(&avatar, budget);
     let mut posing = vec![0; Posed::scratch_len(&avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(&avatar, plan.gaussians(), 400, 400)];
     let posed = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut posing).unwrap();
     let prepared = Prepared::new(&posed, &plan, &camera, &mut preparing).unwrap();
-    let exported = all(source, camera.position(), Sides::Seen);
+    let exported = some(source, budget, camera.position(), Sides::Seen);
     assert!(prepared.splats().len() > 100);
     assert_eq!(prepared.splats().len(), exported.len());
     for (splat, gaussian) in prepared.splats().iter().zip(&exported) {
@@ -105,7 +109,12 @@ fn exports_are_what_is_drawn() {
     // Opacities at which each is visible, however small.
     let mut discs = crowd();
     discs.mathematics.low_pass = dermis_format::LowPass::Classic;
-    check_against_splats(&discs);
+    check_against_splats(&discs, u32::MAX);
+    // Between two levels.
+    let mut discs = leveled_crowd();
+    discs.mathematics.low_pass = dermis_format::LowPass::Classic;
+    discs.mesh.two_sided = vec![true; 40];
+    check_against_splats(&discs, 260);
     let full = |i: u32| Full {
         position: [0, 1, 2].map(|axis| random(i, axis) - 0.5),
         rotation: [0.5 + random(i, 3), random(i, 4) - 0.5, random(i, 5) - 0.5, random(i, 6) - 0.5],
@@ -117,7 +126,7 @@ fn exports_are_what_is_drawn() {
     fulls.mathematics.harmonics_degree = 2;
     fulls.regions[0].harmonics =
         (0..200).map(|i| (0..24).map(|salt| random(i, 20 + salt) - 0.5).collect()).collect();
-    check_against_splats(&fulls);
+    check_against_splats(&fulls, u32::MAX);
 }
 
 /// Numbers of one disc by hand: on a triangle whose frame is the world's.

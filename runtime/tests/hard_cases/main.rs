@@ -9,6 +9,7 @@ mod export;
 mod formats;
 mod formulas;
 mod hostile;
+mod levels;
 mod limits;
 mod numbers;
 mod pictures;

@@ -32,7 +32,7 @@ fn counts(plan: &Plan) -> Vec<u32> {
     plan.regions().iter().map(|region| region.count).collect()
 }
 
-fn selected(avatar: &Avatar<'_>, plan: &Plan) -> Vec<Disc> {
+pub(crate) fn selected(avatar: &Avatar<'_>, plan: &Plan) -> Vec<Disc> {
     let mut discs = Vec::new();
     select::for_each_block(avatar, plan, |block, region, drawn| {
         select::for_each_of_block(

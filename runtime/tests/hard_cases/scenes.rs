@@ -124,6 +124,28 @@ pub(crate) fn crowd() -> Source {
     }
 }
 
+/// 400 discs in two regions of three levels, an empty layer between them, each with parameters of its own.
+pub(crate) fn leveled_crowd() -> Source {
+    let mut source = crowd();
+    for (salt, region) in (40u32..).step_by(10).zip(&mut source.regions) {
+        region.layers = vec![30, 0, 60, 110];
+        region.triangles =
+            [30, 60, 110].into_iter().flat_map(|n| (0..n).map(move |i| 40 * i / n)).collect();
+        let disc = |i: u32| {
+            let r = |number| random(i, salt + number);
+            Disc {
+                position: [r(0) - 0.5, r(1) - 0.5, 0.0],
+                angle: 3.0 * r(2),
+                log2_scale: [-3.0 * r(3), -3.0 * r(4)],
+                color: [r(5), r(6), r(7)],
+                opacity: 0.05 + 0.95 * r(8),
+            }
+        };
+        region.levels = vec![vec![], (0..30).map(disc).collect(), (100..190).map(disc).collect()];
+    }
+    source
+}
+
 /// `distance` metres before the origin, looking at it along −z; `focal` pixels. At distance 1 a metre
 /// at the origin is `focal` pixels, and the origin is in the middle.
 pub(crate) fn camera(width: u32, height: u32, focal: f32, distance: f32) -> Camera {

@@ -227,7 +227,8 @@ impl Measured {
     }
 }
 
-/// Bytes of the file up to the last block that a plan draws from.
+/// Bytes of the file up to the last block that a plan draws from, and with it the levels that it needs, which
+/// stand before it.
 pub fn bytes_of(avatar: &Avatar<'_>, plan: &Plan) -> usize {
     let mut blocks = avatar.blocks();
     let mut end = 0;
@@ -243,7 +244,8 @@ pub fn bytes_of(avatar: &Avatar<'_>, plan: &Plan) -> usize {
             };
             blocks.next().and_then(region).unwrap_or(false)
         } else {
-            true
+            // A level leads its layer, which decides.
+            section.tag != section::tag::LEVEL
         };
         if counts {
             needed = end;

@@ -1,0 +1,96 @@
+//! Levels of a region to bytes.
+
+use crate::header::ScaleLaw;
+use crate::order;
+use crate::record::BlockRecord;
+use crate::section::tag;
+use crate::source::{Gaussians, Region, Source};
+
+use super::blocks::{disc_group, group_ends};
+use super::{EncodeError, bytes_of, narrow, refuse, section};
+
+/// Whether any Gaussian has parameters of its own at a later level.
+pub(super) fn has_levels(region: &Region) -> bool {
+    region.levels.iter().any(|level| !level.is_empty())
+}
+
+/// Whether each level has a disc for every Gaussian that it must have one for, in every region or in none.
+pub(super) fn check_levels(region: &Region, source: &Source) -> Result<(), EncodeError> {
+    if !source.regions.iter().any(has_levels) {
+        return Ok(());
+    }
+    let name = &region.name;
+    if source.regions.iter().any(|region| !region.later_opacities.is_empty()) {
+        return refuse(format!("region {name}: levels hold opacities, later ones are too many"));
+    }
+    let are_discs = matches!(region.gaussians, Gaussians::Disc(_)) || region.gaussians.is_empty();
+    if !are_discs || source.mathematics.scale_law != ScaleLaw::SquareRoot {
+        return refuse(format!(
+            "region {name}: only discs under the scale law SquareRoot have levels of their own"
+        ));
+    }
+    if region.levels.len() >= region.layers.len().max(1) {
+        return refuse(format!("region {name}: it has levels without a layer"));
+    }
+    let mut earlier = 0;
+    for (level, &len) in region.layers.iter().enumerate() {
+        let needed = if len > 0 { earlier as usize } else { 0 };
+        let found = level.checked_sub(1).and_then(|index| region.levels.get(index));
+        let found = found.map_or(0, Vec::len);
+        if found != needed {
+            return refuse(format!(
+                "region {name}: level {level} needs {needed} discs of earlier layers, not {found}"
+            ));
+        }
+        earlier += len;
+    }
+    Ok(())
+}
+
+/// What leads the block of rank `first` and layer `layer`: all earlier blocks at its level, if it is the first
+/// of its layer.
+pub(super) fn write_levels(
+    out: &mut Vec<u8>,
+    region: &Region,
+    index: u8,
+    layer: u8,
+    first: u32,
+) -> Result<(), EncodeError> {
+    let start: u32 = region.layers.iter().take(layer.into()).sum();
+    if !has_levels(region) || first == 0 || first != start {
+        return Ok(());
+    }
+    for (_, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
+        let payload = level_payload(region, index, layer, first, count)?;
+        section(out, tag::LEVEL, &payload)?;
+    }
+    Ok(())
+}
+
+fn level_payload(
+    region: &Region,
+    index: u8,
+    level: u8,
+    first: u32,
+    count: u32,
+) -> Result<Vec<u8>, EncodeError> {
+    let places = first as usize..(first + count) as usize;
+    let discs = &region.levels[usize::from(level) - 1][places.clone()];
+    let triangles = region.triangles.get(places).unwrap_or(&[]);
+    let (mut groups, mut records) = (Vec::new(), Vec::new());
+    let mut start = 0;
+    for end in group_ends(triangles, discs.len()) {
+        let group = disc_group(&discs[start..end], triangles.get(start).copied().unwrap_or(0))?;
+        records.extend(discs[start..end].iter().map(|disc| group.encode_disc(disc)));
+        groups.push(group);
+        start = end;
+    }
+    let head = BlockRecord {
+        region: index,
+        layer: level,
+        groups: narrow::<u16>("groups", groups.len())?.into(),
+        first: first.into(),
+        count: count.into(),
+    };
+    Ok([bytes_of(&[head]), bytes_of(&groups), bytes_of(&records)].concat())
+}

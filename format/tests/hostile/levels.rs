@@ -1,0 +1,268 @@
+//! Parameters per level: they return, and whatever is out of its place is found.
+
+use dermis_format::record::GroupRecord;
+use dermis_format::section::{Section, head, preamble};
+use dermis_format::source::{Gaussians, Source};
+use dermis_format::writer::encode;
+use dermis_format::{Avatar, Disc, Error, Levels, PerLevel, Records, ScaleLaw};
+
+use crate::avatars::{add_levels, full, harmonics, levels, many_levels, opacities};
+use crate::{file, parse_and_walk};
+
+const LEVL: [u8; 4] = *b"LEVL";
+const BLCK: [u8; 4] = *b"BLCK";
+
+fn decoded(groups: &[GroupRecord], records: Records<'_>) -> Vec<(Disc, GroupRecord)> {
+    let Records::Disc(discs) = records else { panic!("discs") };
+    let groups = groups.iter().flat_map(|group| vec![group; usize::from(group.count_less_one) + 1]);
+    discs.iter().zip(groups).map(|(disc, group)| (group.disc(disc), *group)).collect()
+}
+
+/// Within half a step of each range.
+fn assert_near(found: &[(Disc, GroupRecord)], expected: &[Disc]) {
+    assert_eq!(found.len(), expected.len());
+    for ((found, group), expected) in found.iter().zip(expected) {
+        let near = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.51 * step + 1e-6;
+        for i in 0..3 {
+            assert!(near(found.position[i], expected.position[i], group.position[i].step.get()));
+        }
+        for i in 0..2 {
+            assert!(near(found.log2_scale[i], expected.log2_scale[i], group.log2_scale.step.get()));
+        }
+        assert!(near(found.angle, expected.angle, core::f32::consts::PI / 256.0));
+        assert!(near(found.opacity, expected.opacity, 1.0 / 255.0));
+    }
+}
+
+/// The discs of a region's first Gaussians at a level that has them.
+fn expected(source: &Source, region: usize, level: usize) -> Vec<Disc> {
+    let region = &source.regions[region];
+    let Gaussians::Disc(own) = &region.gaussians else { panic!("discs") };
+    let start: u32 = region.layers[..level].iter().sum();
+    let end = start + region.layers[level];
+    let earlier = level.checked_sub(1).map_or(&[][..], |index| &region.levels[index]);
+    [earlier, &own[start as usize..end as usize]].concat()
+}
+
+#[test]
+fn levels_return() {
+    for source in [levels(), many_levels()] {
+        let bytes = encode(&source).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        assert_eq!(avatar.header().per_level, PerLevel::All);
+        for (index, region) in source.regions.iter().enumerate() {
+            let whole: Vec<usize> =
+                (0..region.layers.len()).filter(|&layer| region.layers[layer] > 0).collect();
+            for &upper in &whole {
+                for lower in
+                    whole.iter().copied().filter(|&lower| lower < upper).map(Some).chain([None])
+                {
+                    let levels =
+                        Levels { upper: upper as u8, lower: lower.map(|lower| lower as u8) };
+                    let (mut at, mut below) = (Vec::new(), Vec::new());
+                    let blocks = avatar.blocks_at(|_| levels);
+                    for block in blocks.filter(|block| usize::from(block.region) == index) {
+                        if usize::from(block.layer) <= upper {
+                            at.extend(decoded(block.groups, block.records));
+                        }
+                        below.extend(
+                            block.below.map(|b| decoded(b.groups, b.records)).into_iter().flatten(),
+                        );
+                    }
+                    assert_near(&at, &expected(&source, index, upper));
+                    let lower = lower.map_or(Vec::new(), |lower| expected(&source, index, lower));
+                    assert_near(&below, &lower);
+                }
+            }
+        }
+    }
+}
+
+/// (tag, region, layer or level, first rank) of blocks and levels.
+fn order_of(bytes: &[u8]) -> Vec<([u8; 4], u8, u8, u32)> {
+    let sections = Avatar::parse(bytes).unwrap().sections();
+    sections
+        .filter(|section| [BLCK, LEVL].contains(&section.tag))
+        .map(|Section { tag, payload }| {
+            let first = u32::from_le_bytes([payload[4], payload[5], payload[6], payload[7]]);
+            (tag, payload[0], payload[1], first)
+        })
+        .collect()
+}
+
+#[test]
+fn levels_lead_the_first_block_of_their_layer() {
+    let order = order_of(&encode(&many_levels()).unwrap());
+    let of = |region: u8| -> Vec<_> {
+        order
+            .iter()
+            .filter(|o| o.1 == region)
+            .map(|&(tag, _, layer, first)| (tag, layer, first))
+            .collect()
+    };
+    assert_eq!(
+        of(0),
+        [
+            (BLCK, 0, 0),
+            (LEVL, 1, 0),
+            (BLCK, 1, 300),
+            (BLCK, 1, 2800),
+            (LEVL, 2, 0),
+            (LEVL, 2, 300),
+            (LEVL, 2, 2800),
+            (BLCK, 2, 5300)
+        ]
+    );
+    assert_eq!(of(2), [(BLCK, 0, 0), (LEVL, 2, 0), (BLCK, 2, 2), (BLCK, 2, 2102)]);
+    // A layer that is empty is no level, nor is anything led in a file without levels.
+    let order = order_of(&encode(&levels()).unwrap());
+    assert_eq!(
+        order.iter().filter(|o| o.0 == LEVL).map(|o| (o.1, o.2)).collect::<Vec<_>>(),
+        [(0, 2), (0, 3), (0, 3), (1, 2)]
+    );
+    assert!(order_of(&encode(&opacities()).unwrap()).iter().all(|o| o.0 == BLCK));
+}
+
+type Parts = Vec<([u8; 4], Vec<u8>)>;
+
+/// A file's header and its sections.
+fn parts(bytes: &[u8]) -> (Vec<u8>, Parts) {
+    let avatar = Avatar::parse(bytes).unwrap();
+    let all: usize = avatar.sections().map(|s| head::LEN + s.payload.len()).sum();
+    let header = bytes[preamble::LEN..bytes.len() - all].to_vec();
+    (header, avatar.sections().map(|s| (s.tag, s.payload.to_vec())).collect())
+}
+
+fn joined(header: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
+    let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
+    file(header, &sections)
+}
+
+#[test]
+fn levels_out_of_their_place_are_errors() {
+    for source in [levels(), many_levels()] {
+        let (header, sections) = parts(&encode(&source).unwrap());
+        assert!(parse_and_walk(&joined(&header, &sections)));
+        let is_error = |sections: &[([u8; 4], Vec<u8>)], what: &str, index: usize| {
+            assert!(Avatar::parse(&joined(&header, sections)).is_err(), "{what} {index}");
+        };
+        for index in 0..sections.len() {
+            if sections[index].0 != LEVL {
+                continue;
+            }
+            let mut changed = sections.clone();
+            let taken = changed.remove(index);
+            is_error(&changed, "missing", index);
+            changed.push(taken.clone());
+            is_error(&changed, "at the end", index);
+            changed.pop();
+            changed.insert(0, taken.clone());
+            is_error(&changed, "at the start", index);
+            changed[0].0 = *b"NEWS";
+            is_error(&changed, "of an unknown tag", index);
+            let mut changed = sections.clone();
+            changed.insert(index, taken);
+            is_error(&changed, "twice", index);
+            let mut changed = sections.clone();
+            changed.swap(index, index + 1);
+            is_error(&changed, "one later", index);
+            changed.swap(index, index + 1);
+            changed.swap(index, index - 1);
+            is_error(&changed, "one earlier", index);
+            // Region, level, groups, first rank, count; then the first group's count and base triangle, a range.
+            for byte in [0, 1, 2, 4, 8, 12, 13, 12 + 8, 12 + 32] {
+                for by in [1, 255, 128, 64] {
+                    let mut changed = sections.clone();
+                    changed[index].1[byte] = changed[index].1[byte].wrapping_add(by);
+                    let harmless = byte > 13 && Avatar::parse(&joined(&header, &changed)).is_ok();
+                    if harmless {
+                        assert!(parse_and_walk(&joined(&header, &changed)));
+                    } else {
+                        is_error(&changed, "changed", byte);
+                    }
+                }
+            }
+            // A group cut in two, and a record too few.
+            let mut changed = sections.clone();
+            let len = sections[index].1.len();
+            changed[index].1.truncate(len - 10);
+            is_error(&changed, "short", index);
+            let payload = &sections[index].1;
+            if payload[2] == 1 && payload[12] > 0 {
+                let mut changed = sections.clone();
+                let mut halves = [payload[12..77].to_vec(), payload[12..77].to_vec()];
+                halves[0][0] = 0;
+                halves[1][0] = payload[12] - 1;
+                changed[index].1 = [&payload[..12], &halves.concat(), &payload[77..]].concat();
+                changed[index].1[2] = 2;
+                is_error(&changed, "in other groups", index);
+            }
+        }
+        // Unknown sections may stand between them.
+        let mut changed = sections.clone();
+        for index in (0..sections.len()).rev() {
+            changed.insert(index, (*b"NEWS", vec![index as u8]));
+        }
+        assert!(parse_and_walk(&joined(&header, &changed)));
+    }
+}
+
+#[test]
+fn levels_in_a_file_without_them_are_an_error() {
+    let (header, mut sections) = parts(&encode(&opacities()).unwrap());
+    let (_, with) = parts(&encode(&levels()).unwrap());
+    let level = with.into_iter().find(|section| section.0 == LEVL).unwrap();
+    sections.insert(sections.len() - 1, level);
+    let bytes = joined(&header, &sections);
+    assert!(matches!(Avatar::parse(&bytes), Err(Error::Malformed { place: "LEVL", .. })));
+}
+
+/// Every file cut short lacks no level of what it still holds.
+#[test]
+fn a_file_cut_after_a_block_has_all_levels_of_its_blocks() {
+    let order = order_of(&encode(&many_levels()).unwrap());
+    for region in 0..3 {
+        let mut blocks = Vec::new();
+        let mut found = Vec::new();
+        for &(tag, _, layer, first) in order.iter().filter(|o| o.1 == region) {
+            if tag == LEVL {
+                found.push((layer, first));
+                continue;
+            }
+            for &(earlier, of) in blocks.iter().filter(|&&(earlier, _)| earlier < layer) {
+                assert!(
+                    found.contains(&(layer, of)),
+                    "{region}: {of} of layer {earlier} at {layer}"
+                );
+            }
+            blocks.push((layer, first));
+        }
+    }
+}
+
+#[test]
+fn sources_with_other_levels_than_they_need_are_refused() {
+    let refused = |why: &str, change: fn(&mut Source)| {
+        let mut source = levels();
+        change(&mut source);
+        let error = encode(&source).unwrap_err().to_string();
+        assert!(error.contains(why), "{why}: {error}");
+    };
+    refused("level 2 needs 2 discs of earlier layers, not 1", |s| {
+        s.regions[0].levels[1].truncate(1)
+    });
+    refused("level 1 needs 0 discs of earlier layers, not 2", |s| {
+        s.regions[0].levels[0] = s.regions[0].levels[1].clone();
+    });
+    refused("level 2 needs 3 discs of earlier layers, not 0", |s| s.regions[1].levels.clear());
+    refused("levels without a layer", |s| s.regions[0].levels.push(Vec::new()));
+    refused("later ones are too many", |s| s.regions[0].later_opacities = vec![vec![]; 9]);
+    refused("SquareRoot", |s| s.mathematics.scale_law = ScaleLaw::Constant);
+    refused("not finite", |s| s.regions[0].levels[1][0].angle = f32::NAN);
+    refused("not finite", |s| s.regions[0].levels[1][0].position[1] = f32::INFINITY);
+    let mut source = harmonics();
+    source.regions[0].gaussians = Gaussians::Full((0..5).map(full).collect());
+    source.regions[0].layers = vec![2, 3];
+    add_levels(&mut source);
+    assert!(encode(&source).unwrap_err().to_string().contains("only discs"));
+}
