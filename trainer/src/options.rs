@@ -9,9 +9,9 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Preset {
-    /// 1,200 steps of 540×540, 4 key frames: a minute for a person on two cores.
+    /// 3,000 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
-    /// 6,000 steps of 540×540, 20 key frames.
+    /// 18,000 steps of 540×540, 20 key frames: five minutes.
     Default,
     /// 10,000 steps of 1080×1080, 20 key frames.
     Best,
@@ -64,8 +64,8 @@ impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size) = match preset {
-            Preset::Draft => (1_200, 150, 4, 540),
-            Preset::Default => (6_000, 300, 20, 540),
+            Preset::Draft => (3_000, 150, 4, 540),
+            Preset::Default => (18_000, 300, 20, 540),
             Preset::Best => (10_000, 300, 20, 1080),
         };
         Self {
