@@ -37,7 +37,7 @@ pub(super) enum Content<'a> {
 pub(super) enum Fault {
     /// Cut, changed, or never ours.
     Damaged,
-    /// Of a training that has another one of these.
+    /// Of a training with this.
     Foreign(&'static str),
 }
 

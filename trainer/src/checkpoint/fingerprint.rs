@@ -51,11 +51,11 @@ impl Fingerprint {
     /// What another training has that this one has not.
     pub(super) fn difference(self, other: Self) -> Option<&'static str> {
         if self.program != other.program {
-            Some("version of dermis or kind of machine")
+            Some("another version of dermis, or another kind of machine")
         } else if self.mesh != other.mesh {
-            Some("mesh")
+            Some("another mesh")
         } else if self.options != other.options {
-            Some("options or seed")
+            Some("other options or another seed")
         } else {
             None
         }
@@ -129,15 +129,21 @@ mod tests {
         assert_eq!(of(|_, _| {}), None);
         assert_eq!(of(|model, _| model.name.push('2')), None);
         assert_eq!(of(|_, options| options.memory_bytes = 5), None);
-        assert_eq!(of(|_, options| options.seed += 1), Some("options or seed"));
-        assert_eq!(of(|_, options| options.background[1] = -0.0), Some("options or seed"));
-        assert_eq!(of(|_, options| options.clips.push("a".into())), Some("options or seed"));
-        assert_eq!(of(|model, _| model.vertices[7].position.x += 1e-6), Some("mesh"));
+        assert_eq!(of(|_, options| options.seed += 1), Some("other options or another seed"));
+        assert_eq!(
+            of(|_, options| options.background[1] = -0.0),
+            Some("other options or another seed")
+        );
+        assert_eq!(
+            of(|_, options| options.clips.push("a".into())),
+            Some("other options or another seed")
+        );
+        assert_eq!(of(|model, _| model.vertices[7].position.x += 1e-6), Some("another mesh"));
         assert_eq!(
             of(|model, _| model.textures[0].image.get_pixel_mut(3, 4).0[2] ^= 1),
-            Some("mesh")
+            Some("another mesh")
         );
-        assert_eq!(of(|model, _| model.clips[0].seconds += 1.0), Some("mesh"));
+        assert_eq!(of(|model, _| model.clips[0].seconds += 1.0), Some("another mesh"));
         let newer = Fingerprint { program: !ours.program, ..ours };
         assert!(ours.difference(newer).is_some());
     }

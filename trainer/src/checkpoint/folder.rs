@@ -144,8 +144,8 @@ impl Folder {
                 file.display()
             ),
             Fault::Foreign(part) => anyhow!(
-                "{}: belongs to another training, of another {part}; run that one again, \
-                 or give another folder than {folder} or an empty one",
+                "{}: belongs to another training, with {part}; run that one again, \
+                 or give another folder than {folder}, or delete it",
                 file.display()
             ),
         }

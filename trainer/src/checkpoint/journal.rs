@@ -68,6 +68,8 @@ impl Journal {
             ensure!(fits, self.folder.refusal(name, &Fault::Damaged));
             break;
         }
+        // What came before, such as the truth, is no loss of steps.
+        self.written = Instant::now();
         Ok(())
     }
 

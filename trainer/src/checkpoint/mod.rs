@@ -24,6 +24,8 @@ mod file;
 mod fingerprint;
 mod folder;
 mod journal;
+#[cfg(test)]
+mod tests;
 
 use std::path::PathBuf;
 use std::time::Duration;
