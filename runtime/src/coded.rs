@@ -270,22 +270,25 @@ impl<'a, R: Record> Coded<'a, R> {
         if lane >= BATCH {
             return;
         }
-        self.group = Some(place.group);
-        self.log2_factor = place.log2_factor;
+        if lane == 0 {
+            // All of a group have these alike.
+            self.group = Some(place.group);
+            self.log2_factor = place.log2_factor;
+            self.below = place.below;
+            self.has_harmonics = !place.block.harmonics.is_empty();
+        }
         if let Some(frame) = frame {
             self.frames.set(lane, frame);
         }
         self.words[lane] = record.words();
-        if let Some(below) = &place.block.below {
-            self.below = place.below;
-            if let Some(record) = R::all(&below.records).get(place.index) {
-                self.lower_words[lane] = record.words();
-            }
-        }
         self.opacity[lane] = place.opacity;
-        self.has_harmonics = !place.block.harmonics.is_empty();
         if self.has_harmonics {
             self.harmonics[lane] = place.harmonics();
+        } else if let Some(below) = &place.block.below
+            && let Some(record) = R::all(&below.records).get(place.index)
+        {
+            // Only discs have levels, and they have no harmonics.
+            self.lower_words[lane] = record.words();
         }
         self.len = lane + 1;
     }

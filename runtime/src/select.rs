@@ -107,6 +107,7 @@ pub fn for_each_of_block<'a, 'b>(
 ) {
     let whole = drawn >= block.count;
     let log2_factor = log2_factor(block, region);
+    let has_own_opacity = has_own_opacity(block, region);
     let mut below_groups = block.below.map_or(&[][..], |below| below.groups).iter();
     let mut start = 0usize;
     for group in block.groups {
@@ -127,7 +128,8 @@ pub fn for_each_of_block<'a, 'b>(
         }
         for &at in chosen.get(..count).unwrap_or(&[]) {
             let index = start + usize::from(at);
-            let opacity = opacity_at(block, index, region);
+            let own = own_opacity(&block.records, index);
+            let opacity = if has_own_opacity { own } else { opacity_at(block, index, region, own) };
             if opacity >= LEAST_OPACITY {
                 let triangle = triangles.and_then(|triangles| triangles.get(usize::from(at)));
                 let triangle = triangle.map(|relative| base + u32::from(relative.get()));
@@ -147,6 +149,7 @@ pub(crate) fn log2_factor(block: &Block<'_>, region: &RegionPlan) -> f32 {
     if block.below.is_some() { 0.0 } else { region.log2_scale }
 }
 
+#[inline]
 fn own_opacity(records: &Records<'_>, index: usize) -> f32 {
     opacity_value(match records {
         Records::Disc(discs) => discs.get(index).map_or(0, |disc| disc.opacity),
@@ -154,19 +157,21 @@ fn own_opacity(records: &Records<'_>, index: usize) -> f32 {
     })
 }
 
-/// Opacity at level λ = i + t: (1 − t) · o[i] + t · o[i + 1] for a Gaussian of layer m ≤ i, its own
-/// opacity o[m] for an arriving one (LapisGS, 3.2). Between two levels with parameters of their own: as all
+/// Whether the opacity of a block's Gaussians is that of their records.
+fn has_own_opacity(block: &Block<'_>, region: &RegionPlan) -> bool {
+    let arrives = region.level < i32::from(block.layer);
+    block.below.is_none() && (block.later_levels == 0 || arrives)
+}
+
+/// Opacity at level λ = i + t of a Gaussian of layer m ≤ i whose record has `own`: (1 − t) · o[i] + t · o[i + 1]
+/// (LapisGS, 3.2). Between two levels with parameters of their own: as all
 /// other numbers.
 #[inline]
-fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan) -> f32 {
-    let own = own_opacity(&block.records, index);
+fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan, own: f32) -> f32 {
     if let Some(below) = &block.below {
         return between(own, own_opacity(&below.records, index), region.lower_share);
     }
     let age = region.level - i32::from(block.layer);
-    if block.later_levels == 0 || age < 0 {
-        return own;
-    }
     let later = block
         .opacities
         .get(index * block.later_levels..(index + 1) * block.later_levels)

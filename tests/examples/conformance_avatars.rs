@@ -70,6 +70,7 @@ fn layered() -> Source {
         gaussians: Gaussians::Full(fulls(random)),
         triangles: in_blocks(|| first + random.below(half)),
         later_opacities: later_opacities(random),
+        levels: Vec::new(),
         harmonics: (0..LAYERS.iter().sum())
             .map(|_| (0..HARMONICS).map(|_| 0.24 * random.unit() - 0.12).collect())
             .collect(),

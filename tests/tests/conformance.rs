@@ -1,6 +1,6 @@
 //! What the avatars of the conformance set hold.
 
-use dermis_format::{Avatar, FrameKind, LowPass, RecordKind, ScaleLaw};
+use dermis_format::{Avatar, FrameKind, LowPass, PerLevel, RecordKind, ScaleLaw};
 use dermis_tests::files::workspace;
 
 /// The stored bytes hold what the set needs of them.
@@ -19,5 +19,6 @@ fn stored_avatars_cover_the_format() {
     let layered = *Avatar::parse(&layered).expect("stored avatars are valid").header();
     assert_eq!((layered.record, layered.frame), (RecordKind::Full, FrameKind::Edge));
     assert_eq!((layered.low_pass, layered.scale_law), (LowPass::Classic, ScaleLaw::Constant));
-    assert!(layered.opacity_per_level && layered.harmonics_degree == 3 && layered.regions == 2);
+    assert_eq!(layered.per_level, PerLevel::Opacity);
+    assert!(layered.harmonics_degree == 3 && layered.regions == 2);
 }

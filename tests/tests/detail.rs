@@ -40,7 +40,7 @@ fn lodavatar_adds_exactly_the_detail_of_chosen_triangles() {
         detail,
         ..options(0, 0)
     };
-    let (model, Trained { bytes, cloud, steps }) = trained_demo(&options);
+    let (model, Trained { bytes, cloud, steps, .. }) = trained_demo(&options);
     let selected = selected(&options.detail, &model);
     let chosen = count(&selected);
     let avatar = Avatar::parse(&bytes).expect("what was trained is valid");
@@ -52,14 +52,13 @@ fn lodavatar_adds_exactly_the_detail_of_chosen_triangles() {
     assert_eq!(avatar.header().layers, 4);
     assert_eq!(steps, 8, "all levels share the steps");
     let uniform = (layers[0] + layers[1]) as usize;
-    let detail = &cloud.gaussians[uniform..];
-    assert!(detail.iter().all(|gaussian| selected[gaussian.triangle as usize]));
+    assert!(cloud.triangles[uniform..].iter().all(|&triangle| selected[triangle as usize]));
 }
 
-/// Gaussians of a cloud on chosen triangles, and on the others.
-fn split(cloud: &Cloud, selected: &[bool]) -> [f64; 2] {
-    let on = cloud.gaussians.iter().filter(|gaussian| selected[gaussian.triangle as usize]).count();
-    [on, cloud.len() - on].map(|n| n as f64)
+/// Gaussians on chosen triangles, and on the others; `triangles` are those that they stand on.
+fn split(triangles: &[u32], selected: &[bool]) -> [f64; 2] {
+    let on = triangles.iter().filter(|&&triangle| selected[triangle as usize]).count();
+    [on, triangles.len() - on].map(|n| n as f64)
 }
 
 #[test]
@@ -72,10 +71,7 @@ fn chosen_triangles_have_their_density_in_every_prefix() {
     let selected = selected(&options.detail, &model);
     // Layers 0 to 2 of a quarter each: prefixes of 250, 1000 and 4000.
     for len in [250, 1000, 4000] {
-        let prefix = |cloud: &Cloud| {
-            let gaussians = cloud.gaussians[..len].to_vec();
-            split(&Cloud { gaussians, ..Cloud::default() }, &selected)
-        };
+        let prefix = |cloud: &Cloud| split(&cloud.triangles[..len], &selected);
         let [on, off] = prefix(&dense.cloud);
         let [even_on, even_off] = prefix(&even.cloud);
         let ratio = on / off / (even_on / even_off);

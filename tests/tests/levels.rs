@@ -5,7 +5,7 @@ use dermis_format::{LowPass, PerLevel, ScaleLaw, section};
 use dermis_runtime::plan::prefix_log2_scale;
 use dermis_runtime::{Avatar, Camera, Plan, Pose};
 use dermis_tests::compare::to_reference;
-use dermis_tests::small::{WHITE, options, stage, trained_demo};
+use dermis_tests::small::{WHITE, options, trained_demo};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::describe::Info;
 use dermis_trainer::draw::{draw, rgb_of};
@@ -13,7 +13,7 @@ use dermis_trainer::eval::bytes_of;
 use dermis_trainer::methods::Method;
 use dermis_trainer::metrics::psnr::psnr_db;
 use dermis_trainer::optimize::cloud::{Cloud, Prefix};
-use dermis_trainer::optimize::forward;
+use dermis_trainer::optimize::forward::{self, Stage};
 use dermis_trainer::options::Options;
 use dermis_trainer::orbit::Orbit;
 use dermis_trainer::package;
@@ -61,7 +61,8 @@ fn drawn(avatar: &Avatar<'_>, count: u32) -> Vec<u8> {
 }
 
 fn drawn_by_training(avatar: &Avatar<'_>, cloud: &Cloud, count: u32) -> Vec<u8> {
-    let (stage, camera) = (stage(avatar, &POSE), view(avatar));
+    let stage = Stage::of(avatar, &POSE).expect("it can be posed");
+    let camera = view(avatar);
     let prefix = Prefix::of(count, cloud);
     let drawn = forward::draw(cloud, prefix, &stage, &camera, LowPass::Compensated, WHITE);
     drawn.picture.to_bytes()

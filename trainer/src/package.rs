@@ -1,9 +1,9 @@
 //! From a model and its Gaussians to the bytes of a file.
 
 use anyhow::{Context, Result};
+use dermis_format::Disc;
 use dermis_format::ScaleLaw;
 use dermis_format::rig::Property;
-use dermis_format::Disc;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };

@@ -422,7 +422,7 @@ fn discs_between_levels_are_mixed_alike_one_by_one_and_in_lanes() {
                         [groups[0].disc(&upper[index]), groups[1].disc(&lower[index])];
                     let disc = mixed(&upper, &lower, share);
                     // The short way: no more than a quarter turn, and to the same line.
-                    assert!((disc.angle - upper.angle).abs() <= 1.5708, "{upper:?} {lower:?}");
+                    assert!((disc.angle - upper.angle).abs() <= 1.571, "{upper:?} {lower:?}");
                     let rest = (disc.angle - lower.angle) / core::f32::consts::PI;
                     assert!(share < 1.0 || (rest - rest.round()).abs() < 1e-6, "{disc:?}");
                     let disc = Disc { opacity: index as f32, ..disc };

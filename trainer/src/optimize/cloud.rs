@@ -1,6 +1,7 @@
 //! The Gaussians in training: parameters in the order of the file.
 
 use dermis_format::Disc;
+use dermis_runtime::mix::{between, mixed};
 use dermis_runtime::plan::prefix_log2_scale;
 use serde::{Deserialize, Serialize};
 
@@ -188,30 +189,17 @@ impl Cloud {
     pub fn disc(&self, prefix: &Prefix, index: usize) -> Disc {
         let mut disc = self.levels[prefix.level][index].disc();
         match prefix.lower(self, index) {
-            Some(lower) => mixed(&disc, &lower.disc(), prefix.lower_share),
+            Some(lower) => {
+                let (lower, share) = (lower.disc(), prefix.lower_share);
+                let opacity = between(disc.opacity, lower.opacity, share);
+                Disc { opacity, ..mixed(&disc, &lower, share) }
+            }
             None => {
                 disc.log2_scale.iter_mut().for_each(|scale| *scale += prefix.log2_scale);
                 disc
             }
         }
     }
-}
-
-/// The way from `upper` to `lower`, of which `share` is gone.
-fn mixed(upper: &Disc, lower: &Disc, share: f32) -> Disc {
-    let between = |a: f32, b: f32| a + share * (b - a);
-    Disc {
-        position: core::array::from_fn(|i| between(upper.position[i], lower.position[i])),
-        angle: upper.angle + share * turn(lower.angle - upper.angle),
-        log2_scale: core::array::from_fn(|i| between(upper.log2_scale[i], lower.log2_scale[i])),
-        color: core::array::from_fn(|i| between(upper.color[i], lower.color[i])),
-        opacity: between(upper.opacity, lower.opacity),
-    }
-}
-
-/// The same line's angle nearest to 0: in [−π/2, π/2].
-fn turn(angle: f32) -> f32 {
-    angle - core::f32::consts::PI * libm::rintf(angle * core::f32::consts::FRAC_1_PI)
 }
 
 /// How many Gaussians a picture has, and what that makes of them.
