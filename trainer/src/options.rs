@@ -11,7 +11,7 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 pub enum Preset {
     /// 3,000 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
-    /// 18,000 steps of 540×540, 20 key frames: five minutes.
+    /// 16,000 steps of 540×540, 20 key frames: five minutes.
     Default,
     /// 10,000 steps of 1080×1080, 20 key frames.
     Best,
@@ -65,7 +65,7 @@ impl Options {
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size) = match preset {
             Preset::Draft => (3_000, 150, 4, 540),
-            Preset::Default => (18_000, 300, 20, 540),
+            Preset::Default => (16_000, 300, 20, 540),
             Preset::Best => (10_000, 300, 20, 1080),
         };
         Self {
