@@ -15,7 +15,7 @@ use crate::optimize::descend::Descent;
 use crate::options::Options;
 use crate::train::Trained;
 
-/// Follows the descents of a run, one after the other: [`Self::resume`], [`Self::after_step`] …, [`Self::finish`].
+/// Follows the descents of a run, one after the other: [`Self::resume`], [`Self::after_steps`] …, [`Self::finish`].
 #[derive(Debug)]
 pub struct Journal {
     folder: Folder,
@@ -73,18 +73,21 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes down where a descent is, if it is time to.
-    pub fn after_step(&mut self, descent: &Descent<'_>) -> Result<()> {
+    /// Writes down where a descent is, which has just taken `steps`, if it is time to.
+    pub fn after_steps(&mut self, steps: u32, descent: &Descent<'_>) -> Result<()> {
         if let Some(at_most) = self.at_most {
             ensure!(
                 self.taken < at_most,
-                "stopped after {at_most} turns, as asked; run again to go on"
+                "stopped after {at_most} steps, as asked; run again to go on"
             );
         }
-        self.taken += 1;
+        self.taken += steps;
         let due = match self.every {
             Every::Time(time) => self.written.elapsed() >= time,
-            Every::Steps(steps) => descent.step().is_multiple_of(steps),
+            Every::Steps(every) => {
+                let every = every.max(1);
+                descent.step() / every > (descent.step() - steps) / every
+            }
         };
         if due && !descent.is_done() {
             self.write(Name::Running, descent)?;

@@ -39,7 +39,7 @@ pub struct Checkpoint {
     pub folder: PathBuf,
     /// How often, beside the end of each descent.
     pub every: Every,
-    /// Turns of two steps that this run may take: the next one ends it with an error, and is lost as by a kill.
+    /// Steps that this run may take: with the next one it ends with an error, and that is lost as by a kill.
     pub at_most: Option<u32>,
 }
 
@@ -48,7 +48,7 @@ pub struct Checkpoint {
 pub enum Every {
     /// After this time on the clock.
     Time(Duration),
-    /// Where the steps of a descent, which go by twos, are a multiple of this.
+    /// Whenever the steps of a descent, of which several may be taken at once, pass a multiple of this.
     Steps(u32),
 }
 

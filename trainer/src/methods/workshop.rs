@@ -13,7 +13,7 @@ use crate::embed::initial::seed;
 use crate::embed::placement::spread;
 use crate::embed::surface::{Surface, SurfacePoint};
 use crate::optimize::cloud::{Cloud, Freedom, Seed};
-use crate::optimize::descend::{Descent, Problem};
+use crate::optimize::descend::{Advance, Descent, Problem};
 use crate::optimize::forward::Stage;
 use crate::optimize::loss::Compared;
 use crate::optimize::residual;
@@ -195,7 +195,7 @@ impl<'a> Workshop<'a> {
             }
         }
         while !descent.is_done() {
-            let now = descent.advance()?.compared;
+            let Advance { steps, compared: now, .. } = descent.advance()?;
             let before = smooth.unwrap_or(now);
             let mean = |before: f64, now: f64| 0.95 * before + 0.05 * now;
             let compared =
@@ -206,7 +206,7 @@ impl<'a> Workshop<'a> {
             bar.set_prefix(format!("loss {loss:.5}, {psnr:.1} dB, {gaussians} Gaussians"));
             bar.set_position(u64::from(descent.step()));
             if let Some(journal) = &mut journal {
-                journal.after_step(&descent)?;
+                journal.after_steps(steps, &descent)?;
             }
         }
         bar.finish_and_clear();

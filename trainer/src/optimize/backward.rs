@@ -241,3 +241,52 @@ fn totals<V: Lanes>(sums: [V; 12]) -> [Row; 3] {
 
 /// Columns of a strip from its first one on.
 const FROM_FIRST: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimize::schedule::Random;
+
+    #[test]
+    fn moments_have_the_same_bits_by_every_kernel() {
+        let mut random = Random::new(5);
+        let mut between = |low: f32, high: f32| low + (high - low) * random.unit();
+        let splats: Vec<Splat> = (0..200)
+            .map(|_| {
+                let mean = [between(-3.0, 35.0), between(-3.0, 35.0)];
+                let edge = |x: f32, by: f32| (x + by).clamp(0.0, 32.0) as u16;
+                let falloff = [between(0.05, 0.8), between(-0.3, 0.3), between(0.05, 0.8)];
+                let bounds = [
+                    edge(mean[0], -12.0),
+                    edge(mean[1], -12.0),
+                    edge(mean[0], 12.0),
+                    edge(mean[1], 12.0),
+                ];
+                let color = [between(0.0, 1.0), between(0.0, 1.0), between(0.0, 1.0)];
+                let log2_opacity = between(-4.0, -0.02);
+                Splat { mean, falloff, log2_opacity, color, depth: 1.0, bounds }
+            })
+            .collect();
+        let order: Vec<Pair> = (0..200).map(|splat| Pair { depth: splat, splat }).collect();
+        let rows: Vec<f32> = (0..5 * SIDE * SIDE).map(|_| between(-1.0, 1.0)).collect();
+        let by = |kernel: Kernel| {
+            let mut pixels = Box::new(Pixels([[[0.0; SIDE]; 5]; SIDE]));
+            pixels.0.as_flattened_mut().as_flattened_mut().copy_from_slice(&rows);
+            pixels.0.iter_mut().for_each(|[t, ..]| t.fill(1.0));
+            let mut moments = vec![Moments::default(); order.len()];
+            kernel.run_by_eights(Walk {
+                splats: &splats,
+                order: &order,
+                area: [0..TILE, 0..TILE],
+                pixels: &mut pixels,
+                moments: &mut moments,
+            });
+            moments.iter().flat_map(|m| m.0.map(|row| row.map(f32::to_bits))).collect::<Vec<_>>()
+        };
+        let expected = by(Kernel::Scalar);
+        assert!(expected.iter().filter(|row| row[0] != 0).count() > 300, "most splats touch");
+        for kernel in Kernel::available() {
+            assert!(by(kernel) == expected, "{}", kernel.name());
+        }
+    }
+}
