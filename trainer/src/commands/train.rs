@@ -7,6 +7,7 @@ use anyhow::{Context, Result, ensure};
 use dermis_runtime::Avatar;
 use dermis_trainer::checkpoint::Checkpoint;
 use dermis_trainer::describe::Info;
+use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_of;
 use dermis_trainer::methods::{Culling, Method};
 use dermis_trainer::model::Model;
@@ -116,10 +117,12 @@ fn check_count(model: &Model, options: &Options) -> Result<()> {
     if options.method == Method::Lodavatar {
         let count = gaussians_of(model, options)?;
         let levels = options.levels + options.detail_levels();
+        let uniform = Options { detail: Detail::default(), ..options.clone() };
+        let uniform_fits = gaussians_of(model, &uniform)? <= u64::from(MAX_GAUSSIANS);
         ensure!(
             count <= u64::from(MAX_GAUSSIANS),
-            "would have {count} Gaussians in {levels} levels, more than {MAX_GAUSSIANS}; \
-             choose fewer --levels or --detail-levels"
+            "would have {count} Gaussians in {levels} levels, more than {MAX_GAUSSIANS}; choose fewer {}",
+            if uniform_fits { "--detail-levels" } else { "--levels" }
         );
     }
     Ok(())
