@@ -22,7 +22,7 @@ const POSE: Pose<'_> = Pose::Clip { clip: 0, seconds: 0.6 };
 
 /// A trained cloud of three levels, each with parameters of its own, and an empty layer.
 fn leveled_cloud() -> Cloud {
-    let (_, trained) = trained_demo(&options(2000, 150));
+    let (_, trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
     let mut cloud = trained.cloud;
     assert_eq!((cloud.layers.len(), cloud.levels.len()), (3, 1));
     cloud.layers.insert(1, 0);
@@ -110,7 +110,7 @@ fn a_packed_cloud_is_drawn_as_training_draws_it() {
 /// Levels that are nothing but wider are the prefixes of one level.
 #[test]
 fn levels_that_are_only_wider_change_no_picture() {
-    let (_, trained) = trained_demo(&options(2000, 150));
+    let (_, trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
     let one = Avatar::parse(&trained.bytes).expect("a valid file");
     assert_eq!(one.header().per_level, PerLevel::Nothing);
     let mut cloud = trained.cloud.clone();

@@ -25,7 +25,7 @@ const BOUNDS: [(&str, f64); 6] = [
     ("SimpleSkin.gltf", 19.5),
 ];
 
-/// Few Gaussians, one pose, few small pictures.
+/// Few Gaussians, evenly spread, one pose, few small pictures.
 fn tiny(steps: u32) -> Options {
     Options {
         gaussians: 600,
@@ -34,6 +34,7 @@ fn tiny(steps: u32) -> Options {
         key_frames: 1,
         size: 96,
         steps,
+        survey_steps: 0,
         ..Options::preset(Preset::Draft)
     }
 }

@@ -42,6 +42,10 @@ pub(crate) struct Arguments {
     /// Steps of one picture each [default: of the preset].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     steps: Option<u32>,
+    /// Steps of a first, evenly spread avatar, whose error says where Gaussians go; 0: spread evenly [default: of
+    /// the preset].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    survey_steps: Option<u32>,
     /// What a blend in each pixel adds to the loss, say 0.001: pictures that are cheaper to draw.
     #[arg(long, default_value_t = 0.0, value_name = "X", value_parser = super::not_negative)]
     blend_price: f32,
@@ -141,6 +145,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
         levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
         steps: arguments.steps.unwrap_or(preset.steps),
+        survey_steps: arguments.survey_steps.unwrap_or(preset.survey_steps),
         blend_price: arguments.blend_price,
         views: arguments.views.unwrap_or(preset.views),
         key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
