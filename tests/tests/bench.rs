@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use dermis_tests::command::run;
 use dermis_tests::files::{empty_folder, names, workspace};
+use dermis_tests::small::{options, trained_demo};
 use serde_json::Value;
 
 /// A folder with `a.dermis`, a trained figure with a mesh, a clip and 5,000 Gaussians.
@@ -220,4 +221,21 @@ fn what_is_wrong_is_said_in_one_line() {
         assert!(code == 2 || run.stderr.lines().count() == 1, "{arguments}: {run:?}");
     }
     assert_eq!(names(&folder), before, "no file made, none left");
+}
+
+/// A file whose levels have parameters of their own: the last level's are what a step draws.
+#[test]
+fn a_step_of_training_draws_what_the_file_shows() {
+    let folder = empty_folder("bench_training");
+    let (_, trained) = trained_demo(&options(800, 60));
+    fs::write(folder.join("a.dermis"), &trained.bytes).expect("it can be written");
+    let report = json(&folder, "a.dermis --training --size 96x96 --threads 1,2");
+    assert_eq!(rows(&report).len(), 2, "a row for each number of threads");
+    for row in rows(&report) {
+        assert_eq!(number(row, "gaussians"), 800.0);
+        assert!(number(row, "max_error_8bit") <= 1.0, "{row}");
+        for part in ["forward", "loss", "backward", "update"] {
+            assert!(number(&row["ms"], part) > 0.0, "{part}: {row}");
+        }
+    }
 }

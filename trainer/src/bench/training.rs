@@ -135,10 +135,12 @@ fn times(cloud: Cloud, problem: &Problem<'_>, schedule: &Schedule) -> Result<(f6
     Ok((median(laps.iter().map(|(n, passed, _)| passed / n)), times))
 }
 
-/// The file's Gaussians, all free.
+/// The file's Gaussians at its last level, all free.
 fn cloud_of(avatar: &Avatar<'_>) -> Result<Cloud> {
     let mut seeds = Vec::new();
-    for block in avatar.blocks() {
+    let plan = Plan::with_budget(avatar, u32::MAX);
+    let levels = |region: u8| plan.regions().get(usize::from(region)).map(|plan| plan.levels);
+    for block in avatar.blocks_at(|region| levels(region).unwrap_or_default()) {
         let Records::Disc(discs) = block.records else { break };
         let mut places = discs.iter().zip(block.triangles);
         for group in block.groups {
