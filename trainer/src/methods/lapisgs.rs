@@ -30,6 +30,8 @@ pub(super) fn train(shop: &mut Workshop<'_>, earlier: Freedom) -> Result<Cloud> 
         let mut schedule = options.schedule(Prefixes::Level(level));
         schedule.steps /= levels as u32;
         schedule.shift = (levels - 1 - level) as u32;
+        // The pyramid is a warm-up of its own.
+        schedule.warm_up = 0.0;
         cloud = shop.descend(cloud, &schedule)?;
     }
     Ok(cloud)
