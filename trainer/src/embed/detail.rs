@@ -1,31 +1,19 @@
 //! Selective detail enhancement (LoDAvatar, 3.6): more Gaussians where they matter, such as on face
 //! and hands.
 //!
-//! Triangles are chosen by pictures ([`mask`]), or by the names of joints and materials. What is
-//! chosen gets further levels of LoDAvatar's embedding ([`super::hierarchy`]), or a higher density in
-//! the even placement ([`super::placement`]).
+//! What is chosen ([`super::choice`]) gets further levels of LoDAvatar's embedding ([`super::hierarchy`]), or a
+//! higher density in the even placement ([`super::placement`]).
 
-mod by_name;
-pub mod mask;
-#[cfg(test)]
-mod tests;
+use anyhow::Result;
 
-use anyhow::{Result, ensure};
-
+use super::choice::Choice;
 use crate::model::Model;
-use crate::scene::{Painter, Pose, posed_vertices};
-pub use mask::DetailMask;
 
 /// Which triangles get more Gaussians, and how many more. Nothing is chosen by default.
 #[derive(Clone, Debug)]
 pub struct Detail {
-    /// Triangles that lie in any of these pictures.
-    pub masks: Vec<DetailMask>,
-    /// Triangles all of whose corners are moved by more than half by these joints and those below
-    /// them, taken together.
-    pub joints: Vec<String>,
-    /// Triangles of these materials.
-    pub materials: Vec<String>,
+    /// Which.
+    pub choice: Choice,
     /// LoDAvatar: levels on top of those of the whole mesh.
     pub levels: u32,
     /// Even placement: Gaussians per area, relative to other triangles.
@@ -35,9 +23,7 @@ pub struct Detail {
 impl Default for Detail {
     fn default() -> Self {
         Self {
-            masks: Vec::new(),
-            joints: Vec::new(),
-            materials: Vec::new(),
+            choice: Choice::default(),
             levels: 1,
             // As much as one level of LoDAvatar adds.
             density: 4.0,
@@ -48,34 +34,15 @@ impl Default for Detail {
 impl Detail {
     /// Whether any choice is made.
     pub fn is_asked(&self) -> bool {
-        !(self.masks.is_empty() && self.joints.is_empty() && self.materials.is_empty())
+        !self.choice.is_empty()
     }
 
     /// Whether each of the model's triangles is chosen; none if nothing is asked for.
     ///
     /// # Errors
-    /// Where a name is unknown, or a mask, the joints or the materials choose no triangle: that is a
-    /// mistake, which training would hide.
+    /// As [`Choice::select`].
     pub fn select(&self, model: &Model) -> Result<Option<Vec<bool>>> {
-        if !self.is_asked() {
-            return Ok(None);
-        }
-        let mut choices = Vec::new();
-        if !self.masks.is_empty() {
-            let painter = Painter::new(model);
-            let rest = posed_vertices(model, &Pose::rest(model));
-            for mask in &self.masks {
-                choices.push(mask.select(&painter, &rest)?);
-            }
-        }
-        if !self.joints.is_empty() {
-            choices.push(by_name::moved_by(model, &self.joints)?);
-        }
-        if !self.materials.is_empty() {
-            choices.push(by_name::painted_with(model, &self.materials)?);
-        }
-        let any = |triangle| choices.iter().any(|choice: &Vec<bool>| choice[triangle]);
-        Ok(Some((0..model.triangles.len()).map(any).collect()))
+        self.is_asked().then(|| self.choice.select(model)).transpose()
     }
 
     /// Multiplies the density wanted on each triangle where it is chosen.
@@ -85,8 +52,19 @@ impl Detail {
     }
 }
 
-/// Refuses a choice of nothing.
-fn not_empty(choice: Vec<bool>, complaint: impl FnOnce() -> String) -> Result<Vec<bool>> {
-    ensure!(choice.contains(&true), complaint());
-    Ok(choice)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_chosen_unless_asked() {
+        assert!(matches!(Detail::default().select(&crate::demo::demo_avatar()), Ok(None)));
+    }
+
+    #[test]
+    fn density_is_multiplied_where_chosen() {
+        let mut weights = [1.0, 1.0, 0.1, 0.1];
+        Detail::default().thicken(&mut weights, &[true, false, true, false]);
+        assert_eq!(weights, [4.0, 1.0, 0.4, 0.1]);
+    }
 }
