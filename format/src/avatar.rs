@@ -6,7 +6,8 @@ use crate::header::{Header, PerLevel};
 use crate::level::Level;
 use crate::level_order::LevelOrder;
 use crate::record::{
-    BindRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane, take_plane,
+    BindRecord, ImportanceRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane,
+    take_plane,
 };
 use crate::rig::{Clip, MorphTarget};
 use crate::section::{Section, Sections, section_crc, split_header, tag};
@@ -26,6 +27,7 @@ pub struct Avatar<'a> {
     triangle_regions: &'a [u8],
     regions: &'a [u8],
     layers: &'a [U32],
+    importances: &'a [ImportanceRecord],
     joints: &'a [JointRecord],
     joint_names: &'a [u8],
     binds: &'a [BindRecord],
@@ -66,6 +68,7 @@ impl<'a> Avatar<'a> {
             triangle_regions: &[],
             regions: &[],
             layers: &[],
+            importances: &[],
             joints: &[],
             joint_names: &[],
             binds: &[],
@@ -97,6 +100,11 @@ impl<'a> Avatar<'a> {
                 Names { rest: payload }.is_whole(header.regions.into()).then_some(())
             }
             tag::LAYERS => plane(payload).map(|plane| self.layers = plane),
+            tag::IMPORTANCES => plane(payload).and_then(|plane| {
+                self.importances = plane;
+                let whole = plane.len() == usize::from(header.regions);
+                (whole && plane.iter().all(ImportanceRecord::is_valid)).then_some(())
+            }),
             tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
             tag::JOINT_NAMES => {
                 self.joint_names = payload;
@@ -313,6 +321,16 @@ impl<'a> Avatar<'a> {
         (0..usize::from(self.header.layers)).map(|layer| self.layer_len(region, layer)).sum()
     }
 
+    /// How much each region matters, as measured when it was trained; none if the file leaves it out.
+    pub fn importances(&self) -> &'a [ImportanceRecord] {
+        self.importances
+    }
+
+    /// Importance weight of region `region`, in 0..=1000; 1 if the file leaves it out.
+    pub fn region_weight(&self, region: usize) -> f32 {
+        self.importances.get(region).map_or(1.0, |importance| importance.weight.get())
+    }
+
     /// The skeleton; parents stand before their children.
     pub fn joints(&self) -> &'a [JointRecord] {
         self.joints
@@ -444,6 +462,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::TRIANGLE_REGIONS => "TREG",
         tag::REGIONS => "REGN",
         tag::LAYERS => "LAYR",
+        tag::IMPORTANCES => "IMPO",
         tag::JOINTS => "JNTS",
         tag::JOINT_NAMES => "JNAM",
         tag::BINDS => "BIND",

@@ -133,6 +133,31 @@ pub struct KeyFrameRecord {
     pub seconds: F32,
 }
 
+/// How much a region matters, and what was measured of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ImportanceRecord {
+    /// Relative to a usual region's 1, in 0..=1000.
+    pub weight: F32,
+    /// How fast it moves in the avatar's clips, m/s.
+    pub mobility: F32,
+    /// Its share of what is seen of the avatar, in 0..=1.
+    pub visible: F32,
+    /// Its share of the squared error, in 0..=1.
+    pub residual: F32,
+}
+
+impl ImportanceRecord {
+    /// Whether every number is in its range.
+    pub(crate) fn is_valid(&self) -> bool {
+        let share = |x: F32| (0.0..=1.0).contains(&x.get());
+        (0.0..=1e3).contains(&self.weight.get())
+            && (0.0..=1e6).contains(&self.mobility.get())
+            && share(self.visible)
+            && share(self.residual)
+    }
+}
+
 /// Head of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -51,6 +51,8 @@ pub mod tag {
     pub const REGIONS: [u8; 4] = *b"REGN";
     /// Gaussians of each region and layer.
     pub const LAYERS: [u8; 4] = *b"LAYR";
+    /// How much each region matters.
+    pub const IMPORTANCES: [u8; 4] = *b"IMPO";
     /// The skeleton.
     pub const JOINTS: [u8; 4] = *b"JNTS";
     /// Names of the joints.

@@ -153,6 +153,28 @@ pub struct Region {
     pub levels: Vec<Vec<Disc>>,
     /// For each Gaussian 3 · ((degree + 1)² − 1) coefficients, (r, g, b) after (r, g, b); empty at degree 0.
     pub harmonics: Vec<Vec<f32>>,
+    /// How much the region matters; with none in any region the file says nothing of it.
+    pub importance: Option<Importance>,
+}
+
+/// How much a region matters, and what was measured of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Importance {
+    /// Relative to a usual region's 1, in 0..=1000.
+    pub weight: f32,
+    /// How fast it moves in the avatar's clips, m/s.
+    pub mobility: f32,
+    /// Its share of what is seen of the avatar, in 0..=1.
+    pub visible: f32,
+    /// Its share of the squared error, in 0..=1.
+    pub residual: f32,
+}
+
+impl Default for Importance {
+    /// Of a region that nobody weighed or measured.
+    fn default() -> Self {
+        Self { weight: 1.0, mobility: 0.0, visible: 0.0, residual: 0.0 }
+    }
 }
 
 /// Gaussians of one kind.

@@ -74,7 +74,7 @@ pub fn cost_of_packing(
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let painter = Painter::new(model);
     let plan = Plan::with_budget(&avatar, count);
-    let prefix = Prefix::of(count, &trained.cloud);
+    let prefix = Prefix::of(count, &trained.clouds[0]);
     let mut sum = Cost::default();
     let mut pictures = 0.0;
     for frame in key_frames(model, options).expect("its clips exist") {
@@ -88,7 +88,8 @@ pub fn cost_of_packing(
             let exact = truth.picture.to_bytes();
             let psnr = |a: &[u8], b: &[u8]| psnr_db(a, b, Some(&mask)).expect("it is seen");
             let low_pass = LowPass::Pixel;
-            let before = forward::draw(&trained.cloud, prefix, &stage, &camera, low_pass, WHITE);
+            let before =
+                forward::draw(&trained.clouds, &[prefix], &stage, &camera, low_pass, WHITE);
             let before = before.picture.to_bytes();
             let after = draw(&avatar, &pose, &plan, &camera, WHITE).expect("it can be drawn");
             let after = rgb_of(&after.rgba);

@@ -10,8 +10,11 @@ use dermis_tests::files::{SmallMesh, empty_folder, names};
 use dermis_tests::small::{options, trained_demo};
 use dermis_trainer::checkpoint::{Checkpoint, Every};
 use dermis_trainer::demo::demo_avatar;
+use dermis_trainer::embed::choice::Choice;
+use dermis_trainer::embed::regions::Region;
 use dermis_trainer::methods::Method;
 use dermis_trainer::model::Model;
+use dermis_trainer::optimize::cloud::Parameters;
 use dermis_trainer::options::Options;
 use dermis_trainer::train::{Trained, train_resumably};
 
@@ -20,6 +23,16 @@ fn small(method: Method) -> Options {
     let survey_steps = if method == Method::Lodavatar { 0 } else { 5 };
     let (levels, size, views, key_frames) = (2, 32, 4, 1);
     Options { method, survey_steps, levels, size, views, key_frames, ..options(2500, 14) }
+}
+
+fn head(weight: Option<f32>) -> Region {
+    let choice = Choice { joints: vec!["head".into()], ..Choice::default() };
+    Region { name: "head".into(), choice, weight }
+}
+
+/// All parameters of all regions.
+fn levels(trained: &Trained) -> Vec<&Vec<Vec<Parameters>>> {
+    trained.clouds.iter().map(|cloud| &cloud.levels).collect()
 }
 
 fn with_threads<T: Send>(threads: usize, act: impl FnOnce() -> T + Send) -> T {
@@ -68,7 +81,7 @@ fn survives_interruptions(name: &str, options: &Options) {
         // At once: without any step.
         let checkpoint = Checkpoint { at_most: Some(0), ..checkpoint };
         let again = train_resumably(&model, options, &checkpoint).expect("the result is there");
-        assert!(again.bytes == whole.bytes && again.cloud.levels == whole.cloud.levels);
+        assert!(again.bytes == whole.bytes && levels(&again) == levels(&whole));
     }
 }
 
@@ -82,6 +95,12 @@ fn dermis_goes_on_after_interruptions() {
 fn levels_of_their_own_go_on_after_interruptions() {
     let options = Options { per_level: true, ..small(Method::Dermis) };
     survives_interruptions("pieces_per_level", &options);
+}
+
+#[test]
+fn regions_go_on_after_interruptions() {
+    let options = Options { regions: vec![head(Some(2.0))], ..small(Method::Dermis) };
+    survives_interruptions("pieces_regions", &options);
 }
 
 #[test]
@@ -133,6 +152,7 @@ fn other_trainings_are_refused() {
         Options { seed: 2, ..options.clone() },
         Options { steps: options.steps + 1, ..options.clone() },
         Options { method: Method::Lapisgs, ..options.clone() },
+        Options { regions: vec![head(None)], ..options.clone() },
     ] {
         refused(&model, &other, &checkpoint, &[parts[0], parts[1], "other options"]);
     }

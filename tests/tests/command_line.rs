@@ -243,6 +243,22 @@ fn wrong_names_and_numbers() {
     misuses(&folder, "", "Usage");
 }
 
+/// A camera that sees one side of the pyramid, and masks: all of its picture, none of it, and a smaller one.
+fn write_masks(folder: &Path) {
+    // Two metres before the pyramid, upright: +Y is up in the world and down in the camera.
+    let camera = json!({
+        "width": 40, "height": 30, "fx": 30.0, "fy": 30.0, "cx": 20.0, "cy": 15.0,
+        "world_to_camera": [1, 0, 0, 0, 0, -1, 0, 0.5, 0, 0, -1, 3, 0, 0, 0, 1],
+    });
+    fs::write(folder.join("cam.json"), camera.to_string()).expect("it can be written");
+    for (name, size, luma) in
+        [("mask.png", [40, 30], 255), ("dark.png", [40, 30], 9), ("small.png", [20, 15], 255)]
+    {
+        let mask = image::GrayImage::from_pixel(size[0], size[1], image::Luma([luma]));
+        mask.save(folder.join(name)).expect("it can be written");
+    }
+}
+
 #[test]
 fn detail_is_chosen_by_masks_and_names() {
     let folder = empty_folder("detail");
@@ -266,18 +282,7 @@ fn detail_is_chosen_by_masks_and_names() {
     fails(&folder, &format!("{train} --detail-joints a"), &["mesh.glb: has no joints; "]);
     fails(&folder, &format!("{train} --detail-material a"), &["mesh.glb: has no material a", "; "]);
 
-    // Two metres before the pyramid, upright: +Y is up in the world and down in the camera.
-    let camera = json!({
-        "width": 40, "height": 30, "fx": 30.0, "fy": 30.0, "cx": 20.0, "cy": 15.0,
-        "world_to_camera": [1, 0, 0, 0, 0, -1, 0, 0.5, 0, 0, -1, 3, 0, 0, 0, 1],
-    });
-    fs::write(folder.join("cam.json"), camera.to_string()).expect("it can be written");
-    for (name, size, luma) in
-        [("mask.png", [40, 30], 255), ("dark.png", [40, 30], 9), ("small.png", [20, 15], 255)]
-    {
-        let mask = image::GrayImage::from_pixel(size[0], size[1], image::Luma([luma]));
-        mask.save(folder.join(name)).expect("it can be written");
-    }
+    write_masks(&folder);
     let masked = |mask: &str, camera: &str| {
         format!("{lodavatar} --detail-mask {mask} --detail-camera {camera}")
     };
@@ -289,6 +294,64 @@ fn detail_is_chosen_by_masks_and_names() {
     // 5 vertices, 6 triangles at level 1; one of them looks at the camera, and gets 16 more.
     let value = json(&folder, &masked("mask.png", "cam.json"));
     assert_eq!(value["gaussians"], 5 + 6 * 5 + 16);
+}
+
+#[test]
+fn regions_are_cut_by_masks_and_names() {
+    let folder = empty_folder("regions");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    write_masks(&folder);
+    let train = format!("train mesh.glb -o out.dermis {TINY}");
+    let front = "--region front=mask:mask.png@cam.json";
+    for bad in ["front", "=joints:a", "front=joints:", "front=triangles:1", "front=mask:mask.png"] {
+        misuses(&folder, &format!("{train} --region {bad}"), "--region <NAME=CHOICE>");
+    }
+    for bad in ["back=2", "front=0", "front=-1", "front=1e9", "front=NaN", "front", "body=2"] {
+        misuses(&folder, &format!("{train} {front} --region-weight {bad}"), "--region-weight");
+    }
+    let twice = "--region-weight front=2 --region-weight front=3";
+    misuses(&folder, &format!("{train} {front} {twice}"), "--region-weight front");
+    for (regions, parts) in [
+        ("--region a=joints:a", &["mesh.glb: region a: has no joints; "][..]),
+        ("--region a=material:a", &["mesh.glb: region a: has no material a", "; "]),
+        ("--region a=mask:absent.png@cam.json", &["absent.png: ", "; "]),
+        ("--region a=mask:dark.png@cam.json", &["region a: dark.png: no triangle", "; "]),
+        ("--region body=mask:mask.png@cam.json", &["region body: is what others leave; "]),
+    ] {
+        fails(&folder, &format!("{train} {regions}"), parts);
+    }
+    fails(&folder, &format!("{train} {front} {front}"), &["region front: is there twice; "]);
+    let again = "--region again=mask:mask.png@cam.json";
+    fails(&folder, &format!("{train} {front} {again}"), &["region again: regions before it", "; "]);
+    for method in ["lodavatar --levels 2", "lapisgs", "freeze", "single", "downsample"] {
+        let train = format!(
+            "train mesh.glb -o out.dermis --preset draft --views 4 --keyframes 1 --size 24 --method {method}"
+        );
+        fails(&folder, &format!("{train} {front}"), &["mesh.glb: only the method dermis", "; "]);
+    }
+
+    let steps = "--steps 8 --survey-steps 4";
+    let value = json(&folder, &format!("{train} {front} --region-weight front=2 {steps}"));
+    let [front, body] = [0, 1].map(|region| &value["regions"][region]);
+    assert_eq!((&front["name"], &body["name"]), (&json!("front"), &json!("body")));
+    assert_eq!((&front["triangles"], &body["triangles"]), (&json!(1), &json!(5)));
+    assert_eq!((&front["weight"], &body["weight"]), (&json!(2.0), &json!(1.0)));
+    has_keys(body, "gaussians mobility_m_per_s visible_share residual_share");
+    let shares = |key| [front, body].iter().filter_map(|r| r[key].as_f64()).sum::<f64>();
+    for key in ["visible_share", "residual_share"] {
+        assert!((shares(key) - 1.0).abs() < 1e-6, "{key}: {}", shares(key));
+    }
+    assert_eq!(shares("gaussians"), 150.0);
+    let info = run(&folder, "info out.dermis");
+    assert!(info.stdout.contains("region  front: 1 triangles, "), "{info:?}");
+    assert!(info.stdout.contains(", weight 2.00; 0.000 m/s, "), "{info:?}");
+    for budget in [0, 1, 37, 149] {
+        let picture = json(
+            &folder,
+            &format!("render out.dermis -o {budget}.png --size 16x16 --budget {budget}"),
+        );
+        assert_eq!(picture["gaussians_selected"], budget);
+    }
 }
 
 #[test]
@@ -360,7 +423,7 @@ fn json_has_the_keys_of_the_design() {
     let info = json(&folder, "info a.dermis");
     has_keys(&info, INFO);
     has_keys(&info["layers"][0], "gaussians bytes");
-    has_keys(&info["regions"][0], "name triangles gaussians");
+    has_keys(&info["regions"][0], "name triangles gaussians weight");
     has_keys(&info["mesh"], "vertices triangles joints morph_targets");
     has_keys(&info["clips"][0], "name seconds");
     let bytes = fs::metadata(folder.join("a.dermis")).expect("it is there").len();

@@ -3,6 +3,7 @@
 use dermis_runtime::Avatar;
 use dermis_tests::files;
 use dermis_tests::small::{options, trained_demo};
+use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::{gaussians_at_level, gaussians_of_detail};
 use dermis_trainer::import;
@@ -15,7 +16,8 @@ use dermis_trainer::train::Trained;
 use glam::Vec3;
 
 fn of_joints(names: &[&str]) -> Detail {
-    Detail { joints: names.iter().map(|&name| name.to_owned()).collect(), ..Detail::default() }
+    let joints = names.iter().map(|&name| name.to_owned()).collect();
+    Detail { choice: Choice { joints, ..Choice::default() }, ..Detail::default() }
 }
 
 fn selected(detail: &Detail, model: &Model) -> Vec<bool> {
@@ -40,7 +42,7 @@ fn lodavatar_adds_exactly_the_detail_of_chosen_triangles() {
         detail,
         ..options(0, 0)
     };
-    let (model, Trained { bytes, cloud, steps, .. }) = trained_demo(&options);
+    let (model, Trained { bytes, clouds, steps, .. }) = trained_demo(&options);
     let selected = selected(&options.detail, &model);
     let chosen = count(&selected);
     let avatar = Avatar::parse(&bytes).expect("what was trained is valid");
@@ -52,7 +54,7 @@ fn lodavatar_adds_exactly_the_detail_of_chosen_triangles() {
     assert_eq!(avatar.header().layers, 4);
     assert_eq!(steps, 8, "all levels share the steps");
     let uniform = (layers[0] + layers[1]) as usize;
-    assert!(cloud.triangles[uniform..].iter().all(|&triangle| selected[triangle as usize]));
+    assert!(clouds[0].triangles[uniform..].iter().all(|&triangle| selected[triangle as usize]));
 }
 
 /// Gaussians on chosen triangles, and on the others; `triangles` are those that they stand on.
@@ -67,13 +69,13 @@ fn chosen_triangles_have_their_density_in_every_prefix() {
     let options = Options { detail: of_joints(&["head"]), ..plain.clone() };
     let (model, dense) = trained_demo(&options);
     let (_, even) = trained_demo(&plain);
-    assert_eq!((dense.cloud.len(), even.cloud.len()), (4000, 4000), "the total stays");
+    assert_eq!((dense.clouds[0].len(), even.clouds[0].len()), (4000, 4000), "the total stays");
     let selected = selected(&options.detail, &model);
     // Layers 0 to 2 of a quarter each: prefixes of 250, 1000 and 4000.
     for len in [250, 1000, 4000] {
         let prefix = |cloud: &Cloud| split(&cloud.triangles[..len], &selected);
-        let [on, off] = prefix(&dense.cloud);
-        let [even_on, even_off] = prefix(&even.cloud);
+        let [on, off] = prefix(&dense.clouds[0]);
+        let [even_on, even_off] = prefix(&even.clouds[0]);
         let ratio = on / off / (even_on / even_off);
         println!("{len}: {ratio:.2} times the density");
         assert!((3.2..=4.8).contains(&ratio), "{len}: {ratio:.2} times the density");

@@ -3,6 +3,8 @@
 //! A derivative is (8 (f(x + h) − f(x − h)) − (f(x + 2h) − f(x − 2h))) / 12h, whose error is of the
 //! fourth order, so that h can be large enough for rounding not to matter.
 
+use std::slice;
+
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::Camera;
 use dermis_runtime::frame::Frame;
@@ -222,7 +224,14 @@ impl Scene {
 
     fn forward(&self) -> Forward {
         let (camera, low_pass) = (&self.camera, self.low_pass);
-        draw(&self.cloud, self.prefix, &self.stage, camera, low_pass, self.background)
+        draw(
+            slice::from_ref(&self.cloud),
+            &[self.prefix],
+            &self.stage,
+            camera,
+            low_pass,
+            self.background,
+        )
     }
 
     /// Each pixel's blends, front to back, as indices into the cloud: the discrete decisions.

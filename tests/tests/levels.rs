@@ -1,5 +1,7 @@
 //! Parameters per level: a packed cloud is drawn as training draws it, at and between its levels.
 
+use std::slice;
+
 use dermis_format::source::Mathematics;
 use dermis_format::{LowPass, PerLevel, ScaleLaw, section};
 use dermis_runtime::plan::prefix_log2_scale;
@@ -22,8 +24,8 @@ const POSE: Pose<'_> = Pose::Clip { clip: 0, seconds: 0.6 };
 
 /// A trained cloud of three levels, each with parameters of its own, and an empty layer.
 fn leveled_cloud() -> Cloud {
-    let (_, trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
-    let mut cloud = trained.cloud;
+    let (_, mut trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
+    let mut cloud = trained.clouds.swap_remove(0);
     assert_eq!((cloud.layers.len(), cloud.levels.len()), (3, 1));
     cloud.layers.insert(1, 0);
     cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
@@ -46,7 +48,8 @@ fn leveled_cloud() -> Cloud {
 fn packed(cloud: &Cloud, scale_law: ScaleLaw) -> Vec<u8> {
     let source = package::rigged_mesh(&demo_avatar());
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };
-    package::encode(&package::with_gaussians(source, cloud, mathematics)).expect("a valid cloud")
+    package::encode(&package::with_gaussians(source, slice::from_ref(cloud), mathematics))
+        .expect("a valid cloud")
 }
 
 fn view(avatar: &Avatar<'_>) -> Camera {
@@ -64,7 +67,8 @@ fn drawn_by_training(avatar: &Avatar<'_>, cloud: &Cloud, count: u32) -> Vec<u8> 
     let stage = Stage::of(avatar, &POSE).expect("it can be posed");
     let camera = view(avatar);
     let prefix = Prefix::of(count, cloud);
-    let drawn = forward::draw(cloud, prefix, &stage, &camera, LowPass::Pixel, WHITE);
+    let clouds = slice::from_ref(cloud);
+    let drawn = forward::draw(clouds, &[prefix], &stage, &camera, LowPass::Pixel, WHITE);
     drawn.picture.to_bytes()
 }
 
@@ -113,12 +117,13 @@ fn levels_that_are_only_wider_change_no_picture() {
     let (_, trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
     let one = Avatar::parse(&trained.bytes).expect("a valid file");
     assert_eq!(one.header().per_level, PerLevel::Nothing);
-    let mut cloud = trained.cloud.clone();
+    let mut cloud = trained.clouds[0].clone();
     cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
     let bytes = packed(&cloud, ScaleLaw::SquareRoot);
     let avatar = Avatar::parse(&bytes).expect("a valid file");
     for count in counts(&cloud) {
-        let psnr = between(&drawn(&avatar, count), &drawn_by_training(&one, &trained.cloud, count));
+        let psnr =
+            between(&drawn(&avatar, count), &drawn_by_training(&one, &trained.clouds[0], count));
         println!("{count} Gaussians: {psnr:.1} dB");
         assert!(psnr > 45.0, "{count} Gaussians: {psnr:.1} dB");
     }
@@ -131,7 +136,7 @@ fn levels_that_differ_in_opacity_alone_are_packed_as_opacities() {
     let (_, trained) = trained_demo(&options);
     let avatar = Avatar::parse(&trained.bytes).expect("a valid file");
     assert_eq!(avatar.header().per_level, PerLevel::Opacity);
-    let cloud = &trained.cloud;
+    let cloud = &trained.clouds[0];
     assert_eq!(cloud.levels.len(), 3);
     for level in &cloud.levels {
         let count = level.len() as u32;

@@ -17,7 +17,7 @@ fn trained_by(method: Method) -> Trained {
 /// What stays of an earlier layer when the next one is trained on top of it.
 fn changes(trained: &Trained) -> [usize; 2] {
     let (mut opacities, mut others) = (0, 0);
-    for levels in trained.cloud.levels.windows(2) {
+    for levels in trained.clouds[0].levels.windows(2) {
         for (before, after) in levels[0].iter().zip(&levels[1]) {
             opacities += usize::from(before.logit != after.logit);
             let same = Parameters { logit: before.logit, ..*after } == *before;
@@ -30,8 +30,12 @@ fn changes(trained: &Trained) -> [usize; 2] {
 #[test]
 fn lapisgs_moves_nothing_but_opacities_of_earlier_layers() {
     let trained = trained_by(Method::Lapisgs);
-    assert_eq!(trained.cloud.layers, [40, 120, 480], "each layer up to four times the one before");
-    let lens: Vec<usize> = trained.cloud.levels.iter().map(Vec::len).collect();
+    assert_eq!(
+        trained.clouds[0].layers,
+        [40, 120, 480],
+        "each layer up to four times the one before"
+    );
+    let lens: Vec<usize> = trained.clouds[0].levels.iter().map(Vec::len).collect();
     assert_eq!(lens, [40, 160, 640], "a level holds its layer and those before");
     let [opacities, others] = changes(&trained);
     assert!(opacities > 100, "{opacities} of 200 opacities changed");
@@ -41,23 +45,27 @@ fn lapisgs_moves_nothing_but_opacities_of_earlier_layers() {
 #[test]
 fn freeze_moves_nothing_of_earlier_layers() {
     let trained = trained_by(Method::Freeze);
-    assert_eq!(trained.cloud.layers, [40, 120, 480]);
+    assert_eq!(trained.clouds[0].layers, [40, 120, 480]);
     assert_eq!(changes(&trained), [0, 0]);
 }
 
 #[test]
 fn a_set_trained_alone_is_one_layer_whatever_it_is_called() {
     let [single, multiscale] = [Method::Single, Method::Multiscale].map(trained_by);
-    assert_eq!(single.cloud.layers, [640]);
+    assert_eq!(single.clouds[0].layers, [640]);
     assert!(single.bytes == multiscale.bytes);
     let downsample = trained_by(Method::Downsample);
-    assert_eq!(downsample.cloud.layers, [40, 120, 480]);
+    assert_eq!(downsample.clouds[0].layers, [40, 120, 480]);
     let opacities = |cloud: &dermis_trainer::optimize::cloud::Cloud| {
         let mut opacities: Vec<u32> = cloud.full().iter().map(|p| p.logit.to_bits()).collect();
         opacities.sort_unstable();
         opacities
     };
-    assert_eq!(opacities(&single.cloud), opacities(&downsample.cloud), "the same Gaussians");
+    assert_eq!(
+        opacities(&single.clouds[0]),
+        opacities(&downsample.clouds[0]),
+        "the same Gaussians"
+    );
 }
 
 #[test]
@@ -69,7 +77,7 @@ fn downsample_keeps_what_is_significant() {
     };
     // In bind space, which the demo's rest pose is: opacity times area of the Gaussian in metres.
     let significance = |place: usize| {
-        let (p, triangle) = (&trained.cloud.full()[place], trained.cloud.triangles[place]);
+        let (p, triangle) = (&trained.clouds[0].full()[place], trained.clouds[0].triangles[place]);
         let [a, b, c] = [0, 1, 2].map(|i| corner(triangle, i));
         let area = 0.5 * (b - a).cross(c - a).length();
         f64::from(p.opacity() * (p.log2_scale[0] + p.log2_scale[1]).exp2() * area)
@@ -112,7 +120,7 @@ fn gaussians_go_where_a_survey_finds_the_error() {
     let model = half_checkered();
     let on_the_left = |survey_steps| {
         let options = Options { survey_steps, size: 64, ..options(400, 2) };
-        let cloud = train(&model, &options).expect("it trains").cloud;
+        let cloud = train(&model, &options).expect("it trains").clouds.swap_remove(0);
         let left = |triangle: &&u32| **triangle / 2 % 8 < 4;
         cloud.triangles.iter().filter(left).count() as f64 / cloud.len() as f64
     };

@@ -22,7 +22,7 @@ use dermis_trainer::truth::{Crop, Store, TrainingView};
 fn the_file_costs_at_most_three_tenths_of_a_decibel() {
     let options = options(2000, 200);
     let (model, trained) = trained_demo(&options);
-    let len = trained.cloud.len() as u32;
+    let len = trained.clouds[0].len() as u32;
     for count in [len, len / 4] {
         let cost = cost_of_packing(&model, &trained, &options, count, 6);
         println!("{count} Gaussians: {cost:.3?}");

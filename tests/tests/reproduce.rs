@@ -2,6 +2,7 @@
 
 use dermis_tests::small::options;
 use dermis_trainer::demo::demo_avatar;
+use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_at_level;
 use dermis_trainer::options::Options;
@@ -40,7 +41,10 @@ fn lapisgs_has_all_methods_at_four_scales() {
 #[test]
 fn lodavatar_has_ours_at_the_counts_of_its_own() {
     let model = demo_avatar();
-    let detail = Detail { joints: vec!["head".into()], ..Detail::default() };
+    let detail = Detail {
+        choice: Choice { joints: vec!["head".into()], ..Choice::default() },
+        ..Detail::default()
+    };
     let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
     let level = |level| gaussians_at_level(vertices, triangles, level) as u32;
     // Level 1 and whatever detail on top of it stays under level 2.

@@ -45,7 +45,7 @@ fn lodavatar_has_exactly_the_counts_of_the_paper() {
         key_frames: 1,
         ..options(0, 0)
     };
-    let (model, Trained { bytes, cloud, .. }) = trained_demo(&options);
+    let (model, Trained { bytes, clouds, .. }) = trained_demo(&options);
     let (vertices, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
     let avatar = Avatar::parse(&bytes).expect("what was trained is valid");
     assert_eq!(avatar.header().layers, 3);
@@ -56,7 +56,8 @@ fn lodavatar_has_exactly_the_counts_of_the_paper() {
         assert_eq!(count, gaussians_at_level(vertices, triangles, level as u32));
     }
     assert_eq!(u64::from(avatar.header().gaussians), count);
-    let fixed = cloud.freedoms.iter().filter(|&&freedom| freedom == Freedom::Fixed).count() as u64;
+    let fixed =
+        clouds[0].freedoms.iter().filter(|&&freedom| freedom == Freedom::Fixed).count() as u64;
     assert_eq!(fixed, vertices + triangles * 5, "earlier levels do not move");
 }
 

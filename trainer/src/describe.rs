@@ -45,6 +45,22 @@ pub struct Region {
     pub triangles: usize,
     /// Its Gaussians.
     pub gaussians: u32,
+    /// How much it matters; 1 is usual.
+    pub weight: f32,
+    /// What was measured of it.
+    #[serde(flatten)]
+    pub measured: Option<Measured>,
+}
+
+/// What was measured of a region in training.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Measured {
+    /// Mean speed of its surface, m/s.
+    pub mobility_m_per_s: f32,
+    /// Share of what is seen of the avatar.
+    pub visible_share: f32,
+    /// Share of the squared error.
+    pub residual_share: f32,
 }
 
 /// A mesh.
@@ -136,6 +152,12 @@ fn regions(avatar: &Avatar<'_>) -> Vec<Region> {
             .filter(|&t| usize::from(avatar.triangle_region(t)) == index)
             .count(),
         gaussians: avatar.region_len(index),
+        weight: avatar.region_weight(index),
+        measured: avatar.importances().get(index).map(|importance| Measured {
+            mobility_m_per_s: importance.mobility.get(),
+            visible_share: importance.visible.get(),
+            residual_share: importance.residual.get(),
+        }),
     };
     avatar.region_names().enumerate().map(region).collect()
 }

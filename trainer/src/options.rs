@@ -1,6 +1,7 @@
 //! What training may be told.
 
 use crate::embed::detail::Detail;
+use crate::embed::regions::Region;
 use crate::methods::Method;
 use crate::optimize::adam::Rates;
 use crate::optimize::loss::Loss;
@@ -59,6 +60,8 @@ pub struct Options {
     pub nested: Nested,
     /// Where more Gaussians go.
     pub detail: Detail,
+    /// Parts of the mesh with an order of their own, beside the rest; of [`Method::Dermis`] alone.
+    pub regions: Vec<Region>,
     /// Bound of the ground truth that is held in memory, bytes; the rest lies in a temporary file.
     pub memory_bytes: u64,
 }
@@ -88,8 +91,9 @@ impl Options {
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: true,
-            nested: Nested { whole: 0.25, level: 0.25, least: 1.0 / 64.0 },
+            nested: Nested { whole: 0.25, level: 0.25, least: 1.0 / 64.0, apart: 0.25 },
             detail: Detail::default(),
+            regions: Vec::new(),
             memory_bytes: 2048 << 20,
         }
     }

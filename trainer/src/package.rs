@@ -9,6 +9,7 @@ use dermis_format::source::{
 };
 use glam::{Affine3A, Quat};
 
+use crate::embed::regions::Regions;
 use crate::model::{ChannelTarget, Interpolation, Model};
 use crate::optimize::cloud::{Cloud, Parameters};
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
@@ -45,25 +46,36 @@ pub fn rigged_mesh(model: &Model) -> Source {
     }
 }
 
-/// Adds trained Gaussians to a mesh.
+/// Cuts a mesh into regions, yet without Gaussians.
+pub fn with_regions(mut source: Source, regions: &Regions) -> Source {
+    let named = |name: &String| Region { name: name.clone(), layers: vec![0], ..Region::default() };
+    source.regions = regions.names.iter().map(named).collect();
+    source.mesh.triangle_regions = regions.of_triangles.clone();
+    source
+}
+
+/// Adds trained Gaussians to a mesh, a cloud to each region.
 ///
 /// Those of a cloud of several levels come with parameters of their own at each, and the law by which such
 /// clouds are drawn; under a constant law, where levels differ in opacity alone, with opacities (LapisGS).
-pub fn with_gaussians(mut source: Source, cloud: &Cloud, mathematics: Mathematics) -> Source {
+pub fn with_gaussians(mut source: Source, clouds: &[Cloud], mathematics: Mathematics) -> Source {
     source.mathematics = mathematics;
-    let region = &mut source.regions[0];
-    region.layers = cloud.layers.clone();
-    region.triangles = cloud.triangles.clone();
-    let own = own_levels(cloud).map(|(level, index)| cloud.levels[level][index].disc());
-    region.gaussians = Gaussians::Disc(own.collect());
-    if cloud.levels.len() < 2 {
-        return source;
-    }
-    if mathematics.scale_law == ScaleLaw::Constant && differ_in_opacity_alone(cloud) {
-        region.later_opacities = later_opacities(cloud);
-    } else {
-        source.mathematics.scale_law = ScaleLaw::SquareRoot;
-        region.levels = later_levels(cloud);
+    let with_opacities =
+        mathematics.scale_law == ScaleLaw::Constant && clouds.iter().all(differ_in_opacity_alone);
+    for (region, cloud) in source.regions.iter_mut().zip(clouds) {
+        region.layers = cloud.layers.clone();
+        region.triangles = cloud.triangles.clone();
+        let own = own_levels(cloud).map(|(level, index)| cloud.levels[level][index].disc());
+        region.gaussians = Gaussians::Disc(own.collect());
+        if cloud.levels.len() < 2 {
+            continue;
+        }
+        if with_opacities {
+            region.later_opacities = later_opacities(cloud);
+        } else {
+            source.mathematics.scale_law = ScaleLaw::SquareRoot;
+            region.levels = later_levels(cloud);
+        }
     }
     source
 }

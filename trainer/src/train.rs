@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, Journal};
 use crate::embed::sides::two_sided;
-use crate::methods::{Culling, Workshop};
+use crate::methods::{Culling, Method, Parts, Workshop};
 use crate::model::Model;
 use crate::optimize::cloud::Cloud;
 use crate::options::Options;
@@ -20,8 +20,8 @@ use crate::truth;
 pub struct Trained {
     /// The file.
     pub bytes: Vec<u8>,
-    /// What was packed into it, before quantization.
-    pub cloud: Cloud,
+    /// What was packed into it, before quantization: the Gaussians of each region.
+    pub clouds: Vec<Cloud>,
     /// Steps taken.
     pub steps: u32,
     /// What culling costs it.
@@ -53,10 +53,14 @@ pub fn train_resumably(
 }
 
 fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -> Result<Trained> {
+    ensure!(
+        options.regions.is_empty() || options.method == Method::Dermis,
+        "only the method dermis gives regions an order of their own; choose it, or ask for no region"
+    );
     let painter = Painter::new(model);
-    let detail = options.detail.select(model)?;
+    let parts = Parts::choose(model, options)?;
     let key_frames = key_frames(model, options)?;
-    let mut source = package::rigged_mesh(model);
+    let mut source = package::with_regions(package::rigged_mesh(model), &parts.regions);
     source.key_frames = package::key_frames(&key_frames);
     let (views, seen) = truth::observe(&painter, &key_frames, options)?;
     ensure!(
@@ -64,25 +68,34 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
-    let mut workshop =
-        Workshop::new(&source, &painter, &key_frames, views, &seen, detail, options)?;
+    let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, parts, options)?;
     if let Some(journal) = journal {
         workshop.keep(journal);
     }
-    let cloud = options.method.train(&mut workshop)?;
+    let clouds = options.method.train(&mut workshop)?;
     let scale_law = options.method.scale_law();
     let mathematics = Mathematics { scale_law, ..Mathematics::default() };
-    let source = package::with_gaussians(source, &cloud, mathematics);
-    let (steps, culling) = (workshop.steps(), workshop.culling(&cloud)?);
-    Ok(Trained { bytes: package::encode(&source)?, cloud, steps, culling })
+    let mut source = package::with_gaussians(source, &clouds, mathematics);
+    if !options.regions.is_empty() {
+        let importances = workshop.importances(&training_clips(model, options)?, &seen);
+        for (region, importance) in source.regions.iter_mut().zip(importances) {
+            region.importance = Some(importance);
+        }
+    }
+    let (steps, culling) = (workshop.steps(), workshop.culling(&clouds)?);
+    Ok(Trained { bytes: package::encode(&source)?, clouds, steps, culling })
 }
 
 /// The poses to train on.
 pub fn key_frames(model: &Model, options: &Options) -> Result<Vec<KeyFrame>> {
+    let clips = training_clips(model, options)?;
+    Ok(scene::training_key_frames(model, &clips, options.key_frames as usize))
+}
+
+fn training_clips(model: &Model, options: &Options) -> Result<Vec<usize>> {
     let named = scene::clips_named(model, &options.clips)?;
     let chosen = (!named.is_empty()).then_some(&named[..]);
-    let clips = scene::training_clips(model, chosen);
-    Ok(scene::training_key_frames(model, &clips, options.key_frames as usize))
+    Ok(scene::training_clips(model, chosen))
 }
 
 /// A key frame as the runtime names it.

@@ -5,9 +5,9 @@ use core::iter;
 use crate::order;
 use crate::quant::Disc;
 use crate::quant::{opacity_code, ycocg_of_rgb};
-use crate::record::{BlockRecord, GroupRecord, KeyFrameRecord, Range, U16, U32};
+use crate::record::{BlockRecord, GroupRecord, ImportanceRecord, KeyFrameRecord, Range, U16, U32};
 use crate::section::tag;
-use crate::source::{Gaussians, Region, Source};
+use crate::source::{Gaussians, Importance, Region, Source};
 
 use super::levels::{check_levels, write_levels};
 use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section};
@@ -20,6 +20,10 @@ pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), En
     let layers: Vec<U32> =
         source.regions.iter().flat_map(|region| &region.layers).map(|&n| n.into()).collect();
     section(out, tag::LAYERS, bytes_of(&layers))?;
+    if source.regions.iter().any(|region| region.importance.is_some()) {
+        let records: Vec<ImportanceRecord> = source.regions.iter().map(importance).collect();
+        section(out, tag::IMPORTANCES, bytes_of(&records))?;
+    }
     let key_frames: Vec<KeyFrameRecord> = source
         .key_frames
         .iter()
@@ -32,6 +36,16 @@ pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), En
         Ok(())
     } else {
         section(out, tag::KEY_FRAMES, bytes_of(&key_frames))
+    }
+}
+
+fn importance(region: &Region) -> ImportanceRecord {
+    let Importance { weight, mobility, visible, residual } = region.importance.unwrap_or_default();
+    ImportanceRecord {
+        weight: weight.into(),
+        mobility: mobility.into(),
+        visible: visible.into(),
+        residual: residual.into(),
     }
 }
 

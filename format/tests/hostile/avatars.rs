@@ -3,7 +3,7 @@
 use dermis_format::record::GroupRecord;
 use dermis_format::rig::Property;
 use dermis_format::source::{
-    Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
+    Channel, Clip, Gaussians, Importance, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
 use dermis_format::{Avatar, Block, Disc, FrameKind, Full, Levels, Records};
 
@@ -146,6 +146,8 @@ pub(crate) fn regions() -> Source {
         discs_on("leer", &[0, 0], 3),
         discs_on("手", &[2, 0], 3),
     ];
+    source.regions[2].importance =
+        Some(Importance { weight: 4.0, mobility: 0.25, visible: 0.5, residual: 1.0 });
     source
 }
 
@@ -258,6 +260,10 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
         [(0, usize::MAX), (usize::MAX, 0), (0, header.layers.into()), (regions, 0)]
     {
         assert_eq!(avatar.layer_len(region, layer), 0);
+    }
+    assert!([0, regions].contains(&avatar.importances().len()));
+    for region in (0..regions).chain([regions, usize::MAX]) {
+        assert!((0.0..=1000.0).contains(&avatar.region_weight(region)));
     }
     walk_rig(avatar);
     let mut gaussians = 0;

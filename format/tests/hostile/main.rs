@@ -274,7 +274,7 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
     let header = header_bytes(&header());
-    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF"];
+    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO"];
     for left_out in 0..all.len() {
         let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
         let (tag, _) = sections.remove(left_out);
@@ -286,6 +286,39 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let last = sections.len() - 1;
     sections.swap(last - 1, last);
     assert!(Avatar::parse(&file(&header, &sections)).is_err());
+}
+
+#[test]
+fn importances_out_of_their_limits_are_refused() {
+    let bytes = encode(&avatars::regions()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let all: Vec<Section> = avatar.sections().collect();
+    let with = |numbers: &[f32]| {
+        let payload: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let replaced = |s: &Section| {
+            (s.tag, if s.tag == *b"IMPO" { payload.clone() } else { s.payload.to_vec() })
+        };
+        let sections: Vec<_> = all.iter().map(replaced).collect();
+        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
+        file(&header_bytes(avatar.header()), &sections)
+    };
+    let usual = [1.0, 0.0, 0.5, 0.5].repeat(3);
+    assert!(parse_and_walk(&with(&usual)));
+    for len in [0, 4, 8, 11, 13, 16] {
+        assert!(!parse_and_walk(&with(&usual.repeat(2)[..len])), "{len} numbers");
+    }
+    for (place, greatest) in [1e3, 1e6, 1.0, 1.0].into_iter().enumerate() {
+        let of = |number: f32| {
+            let mut numbers = usual.clone();
+            numbers[8 + place] = number;
+            with(&numbers)
+        };
+        assert!(parse_and_walk(&of(greatest)) && parse_and_walk(&of(0.0)), "number {place}");
+        for bad in [greatest * 1.001, -0.001, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            let error = Avatar::parse(&of(bad)).unwrap_err();
+            assert!(matches!(error, Error::Malformed { place: "IMPO", .. }), "{bad}: {error}");
+        }
+    }
 }
 
 proptest! {
@@ -303,18 +336,18 @@ proptest! {
 
     #[test]
     fn soup_in_sections_never_panics(
-        payloads in prop::collection::vec((0usize..16, prop::collection::vec(any::<u8>(), 0..200)), 0..12),
+        payloads in prop::collection::vec((0usize..17, prop::collection::vec(any::<u8>(), 0..200)), 0..12),
         kind in 0usize..8,
     ) {
-        const TAGS: [&[u8; 4]; 16] = [
+        const TAGS: [&[u8; 4]; 17] = [
             b"VERT", b"SKIN", b"TRIS", b"SIDE", b"TREG", b"REGN", b"LAYR", b"JNTS", b"JNAM",
-            b"BIND", b"MRPH", b"CLIP", b"KEYF", b"BLCK", b"LEVL", b"????",
+            b"BIND", b"MRPH", b"CLIP", b"KEYF", b"BLCK", b"LEVL", b"IMPO", b"????",
         ];
         let bytes = encode(&all_small(kind)).unwrap();
         let avatar = Avatar::parse(&bytes).unwrap();
         let mut sections: Vec<_> = avatar.sections().map(|s| (s.tag, s.payload)).collect();
         for (tag, payload) in &payloads {
-            sections.insert(*tag * sections.len() / 16, (*TAGS[*tag], payload));
+            sections.insert(*tag * sections.len() / 17, (*TAGS[*tag], payload));
         }
         parse_and_walk(&file(&header_bytes(avatar.header()), &sections));
     }

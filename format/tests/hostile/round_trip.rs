@@ -1,9 +1,9 @@
 //! What is encoded returns within half a step of its range.
 
 use dermis_format::quant::{quaternion_code, quaternion_value};
-use dermis_format::record::Range;
+use dermis_format::record::{F32, ImportanceRecord, Range};
 use dermis_format::rig::Property;
-use dermis_format::source::{Channel, Clip, Gaussians, Source};
+use dermis_format::source::{Channel, Clip, Gaussians, Importance, Source};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Disc, Full, Records, order};
 use proptest::prelude::*;
@@ -295,6 +295,26 @@ fn wide_spans_of_triangles_return() {
     }
     assert_eq!(found, source.regions[0].triangles);
     assert!(avatar.blocks().next().unwrap().groups.len() > 1, "200 triangles over 70,000");
+}
+
+#[test]
+fn importances_return_and_are_written_where_there_are_any() {
+    let mut source = avatars::regions();
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let numbers =
+        |r: &ImportanceRecord| [r.weight, r.mobility, r.visible, r.residual].map(F32::get);
+    let found: Vec<_> = avatar.importances().iter().map(numbers).collect();
+    let none = [1.0, 0.0, 0.0, 0.0];
+    assert_eq!(found, [none, none, [4.0, 0.25, 0.5, 1.0]]);
+    assert_eq!([0, 2, 3].map(|region| avatar.region_weight(region)), [1.0, 4.0, 1.0]);
+    source.regions[2].importance = None;
+    let without = encode(&source).unwrap();
+    assert_eq!(without.len(), bytes.len() - 12 - 3 * 16, "a section, and nothing else");
+    let avatar = Avatar::parse(&without).unwrap();
+    assert_eq!((avatar.importances().len(), avatar.region_weight(2)), (0, 1.0));
+    source.regions[0].importance = Some(Importance { weight: f32::NAN, ..Importance::default() });
+    assert!(encode(&source).unwrap_err().to_string().contains("IMPO"));
 }
 
 /// Blocks of all regions stand by the share of their region that is before them, so any number of

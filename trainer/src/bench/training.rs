@@ -1,5 +1,6 @@
 //! The time of a training step, part by part.
 
+use std::slice;
 use std::time::Instant;
 
 use anyhow::{Result, ensure};
@@ -116,7 +117,7 @@ pub fn measure(
 
 /// Medians of a step's time and of its parts.
 fn times(cloud: Cloud, problem: &Problem<'_>, schedule: &Schedule) -> Result<(f64, Times)> {
-    let mut descent = Descent::new(cloud, problem, schedule, Random::new(1));
+    let mut descent = Descent::new(vec![cloud], problem, schedule, Random::new(1));
     let mut laps = Vec::new();
     while !descent.is_done() {
         let start = Instant::now();
@@ -165,13 +166,16 @@ fn forward(
     low_pass: LowPass,
     background: [f32; 3],
 ) -> Forward {
-    draw(cloud, Prefix::of(cloud.len() as u32, cloud), stage, camera, low_pass, background)
+    let clouds = slice::from_ref(cloud);
+    draw(clouds, &Prefix::whole(clouds), stage, camera, low_pass, background)
 }
 
 /// What half of the Gaussians show before white, and how much of each pixel they cover.
 fn half(cloud: &Cloud, stage: &Stage, camera: &Camera, low_pass: LowPass) -> Truth {
     let prefix = Prefix::of((cloud.len() / 2).max(1) as u32, cloud);
-    let over = |background| draw(cloud, prefix, stage, camera, low_pass, background).picture;
+    let over = |background| {
+        draw(slice::from_ref(cloud), &[prefix], stage, camera, low_pass, background).picture
+    };
     let (white, black) = (over([1.0; 3]), over([0.0; 3]));
     let coverage = white.rgb.iter().zip(&black.rgb).map(|(w, b)| 1.0 - (w[0] - b[0])).collect();
     Truth { picture: white, coverage, seen: Vec::new() }

@@ -11,6 +11,7 @@ use super::fingerprint::Fingerprint;
 use super::folder::{Folder, Name};
 use super::{Checkpoint, Every};
 use crate::model::Model;
+use crate::optimize::cloud::Cloud;
 use crate::optimize::descend::Descent;
 use crate::options::Options;
 use crate::train::Trained;
@@ -108,7 +109,8 @@ impl Journal {
 
     /// Writes down what came out, which stands for all before.
     pub fn conclude(&self, trained: &Trained) -> Result<()> {
-        let about = trained.bytes.len() + 64 * trained.cloud.len() * trained.cloud.levels.len();
+        let numbers = |cloud: &Cloud| cloud.len() * cloud.levels.len();
+        let about = trained.bytes.len() + 64 * trained.clouds.iter().map(numbers).sum::<usize>();
         self.folder.write(Name::Result, &Content::Trained(Cow::Borrowed(trained)), about)?;
         self.folder.keep_result_only()
     }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use dermis_trainer::embed::detail::{Detail, DetailMask};
+use dermis_trainer::embed::choice::{Choice, Mask};
+use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::methods::Method;
 
 /// The choice of triangles, and what they get. Several choices add up.
@@ -44,12 +45,14 @@ impl DetailArguments {
         if self.detail_density.is_some() && subdivides {
             super::misuse("--detail-density: is not lodavatar's; choose --detail-levels instead");
         }
-        let read = masks.iter().zip(cameras).map(|(mask, camera)| DetailMask::load(mask, camera));
+        let read = masks.iter().zip(cameras).map(|(mask, camera)| Mask::load(mask, camera));
         let default = Detail::default();
         let detail = Detail {
-            masks: read.collect::<Result<_>>()?,
-            joints: self.detail_joints.clone(),
-            materials: self.detail_material.clone(),
+            choice: Choice {
+                masks: read.collect::<Result<_>>()?,
+                joints: self.detail_joints.clone(),
+                materials: self.detail_material.clone(),
+            },
             levels: self.detail_levels.unwrap_or(default.levels),
             density: self.detail_density.unwrap_or(default.density),
         };

@@ -38,11 +38,22 @@ pub(crate) fn text(info: &Info) -> String {
             writeln!(out, "layer   {level}: {} Gaussians, {} bytes", layer.gaussians, layer.bytes);
     }
     for region in &info.regions {
-        let _ = writeln!(
+        let _ = write!(
             out,
             "region  {}: {} triangles, {} Gaussians",
             region.name, region.triangles, region.gaussians
         );
+        if let Some(measured) = region.measured {
+            let _ = write!(
+                out,
+                ", weight {:.2}; {:.3} m/s, {:.1}% of what is seen, {:.1}% of the error",
+                region.weight,
+                measured.mobility_m_per_s,
+                100.0 * measured.visible_share,
+                100.0 * measured.residual_share
+            );
+        }
+        out.push('\n');
     }
     for clip in &info.clips {
         let _ = writeln!(out, "clip    {}: {:.2} s", clip.name, clip.seconds);

@@ -7,6 +7,7 @@ pub(crate) mod detail;
 pub(crate) mod eval;
 pub(crate) mod info;
 pub(crate) mod options;
+pub(crate) mod regions;
 pub(crate) mod render;
 pub(crate) mod reproduce;
 pub(crate) mod train;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use dermis_trainer::bench::machine;
 use dermis_trainer::bench::table::aligned;
+use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::eval::Row;
 use dermis_trainer::import;
@@ -128,7 +129,7 @@ fn detail(model: &Model, arguments: &Arguments) -> Detail {
     } else {
         arguments.detail_joints.clone()
     };
-    Detail { joints, ..Detail::default() }
+    Detail { choice: Choice { joints, ..Choice::default() }, ..Detail::default() }
 }
 
 fn heading<T>(report: &Report<T>) -> String {

@@ -63,6 +63,8 @@ pub(crate) struct Arguments {
     clips: Vec<String>,
     #[command(flatten)]
     detail: super::detail::DetailArguments,
+    #[command(flatten)]
+    regions: super::regions::RegionArguments,
     /// Ground truth held in memory, MB of 2^20 bytes; the rest lies in a temporary file (in TMPDIR).
     #[arg(long, value_name = "MB", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(0..=1 << 24))]
     memory: u64,
@@ -153,6 +155,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         clips: arguments.clips.clone(),
         seed: common.seed,
         detail: arguments.detail.detail(arguments.method)?,
+        regions: arguments.regions.regions()?,
         memory_bytes: arguments.memory << 20,
         ..preset
     })

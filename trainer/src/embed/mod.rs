@@ -2,12 +2,16 @@
 //!
 //! [`surface`] measures the mesh at rest, [`density`] says how densely points stand where, [`placement`] spreads them in coarse to
 //! fine order, [`hierarchy`] is LoDAvatar's embedding, [`initial`] gives points their first
-//! colour, scale and opacity, [`sides`] says which backs are seen, [`detail`] which triangles get more.
+//! colour, scale and opacity, [`sides`] says which backs are seen. A [`choice`] of triangles is what [`detail`] gets
+//! more, or what [`regions`] gets an order of its own, whose [`importance`] is measured.
 
+pub mod choice;
 pub mod density;
 pub mod detail;
 pub mod hierarchy;
+pub mod importance;
 pub mod initial;
 pub mod placement;
+pub mod regions;
 pub mod sides;
 pub mod surface;

@@ -15,7 +15,7 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Cloud> {
     let options = shop.options;
     let seeds = shop.place(&[options.gaussians], |_| options.gaussians)?;
     let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
-    shop.descend(cloud, &options.schedule(Prefixes::All))
+    shop.descend_one(cloud, &options.schedule(Prefixes::All))
 }
 
 /// The same, in the order of significance: opacity times area.

@@ -35,8 +35,8 @@ pub struct Drawn {
 }
 
 /// Measures both on some of the views, evenly chosen.
-pub(super) fn measure(cloud: &Cloud, problem: &Problem<'_>) -> Result<Culling> {
-    let prefix = Prefix::of(cloud.len() as u32, cloud);
+pub(super) fn measure(clouds: &[Cloud], problem: &Problem<'_>) -> Result<Culling> {
+    let prefixes = Prefix::whole(clouds);
     let everything: Vec<Stage> = (problem.stages.iter())
         .map(|stage| Stage {
             frames: stage.frames.clone(),
@@ -59,7 +59,7 @@ pub(super) fn measure(cloud: &Cloud, problem: &Problem<'_>) -> Result<Culling> {
         pictures += 1;
         for (sum, stages) in sums.iter_mut().zip([problem.stages, &everything]) {
             let stage = &stages[view.stage];
-            let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, [1.0; 3]);
+            let forward = draw(clouds, &prefixes, stage, &view.camera, problem.low_pass, [1.0; 3]);
             let (drawn, exact) = (forward.picture.to_bytes(), white.to_bytes());
             sum.psnr_foreground_db += psnr_db(&exact, &drawn, Some(&mask)).unwrap_or(0.0);
             let blends: f64 = forward.splats.iter().map(|s| f64::from(price::blends(s))).sum();

@@ -32,7 +32,7 @@ pub(super) fn train(shop: &mut Workshop<'_>, earlier: Freedom) -> Result<Cloud> 
         schedule.shift = (levels - 1 - level) as u32;
         // The pyramid is a warm-up of its own.
         schedule.warm_up = 0.0;
-        cloud = shop.descend(cloud, &schedule)?;
+        cloud = shop.descend_one(cloud, &schedule)?;
     }
     Ok(cloud)
 }

@@ -17,11 +17,11 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Cloud> {
     let vertices = shop.painter.model().vertices.len();
     let (mut hierarchy, seeds) =
         Hierarchy::base(&shop.surface, shop.painter, &shop.corners, vertices);
-    let mut cloud = shop.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule)?;
+    let mut cloud = shop.descend_one(Cloud::arrange(hierarchy.layers(), &seeds), &schedule)?;
     for level in 1..levels {
-        let detail = shop.detail.as_deref().filter(|_| level >= uniform);
+        let detail = shop.parts.detail.as_deref().filter(|_| level >= uniform);
         let seeds = hierarchy.refine(&shop.surface, shop.painter, &cloud, detail);
-        cloud = shop.descend(Cloud::arrange(hierarchy.layers(), &seeds), &schedule)?;
+        cloud = shop.descend_one(Cloud::arrange(hierarchy.layers(), &seeds), &schedule)?;
     }
     Ok(cloud)
 }

@@ -1,7 +1,7 @@
 //! Ways to train a cloud: ours and the papers', on the same machinery.
 //!
 //! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
-//! 2. `culling` says what a trained cloud loses by it.
+//! 2. `parts` are the triangles that options choose; `culling` says what a trained cloud loses by it.
 //! 3. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
 
 mod alone;
@@ -9,9 +9,11 @@ mod culling;
 mod dermis;
 mod lapisgs;
 mod lodavatar;
+mod parts;
 mod workshop;
 
 pub use culling::Culling;
+pub use parts::Parts;
 pub use workshop::Workshop;
 
 use anyhow::Result;
@@ -47,15 +49,16 @@ impl Method {
         }
     }
 
-    /// Trains a cloud.
-    pub fn train(self, shop: &mut Workshop<'_>) -> Result<Cloud> {
-        match self {
-            Self::Dermis => dermis::train(shop),
+    /// Trains a cloud for each region; but for [`Self::Dermis`] there must be one only.
+    pub fn train(self, shop: &mut Workshop<'_>) -> Result<Vec<Cloud>> {
+        let cloud = match self {
+            Self::Dermis => return dermis::train(shop),
             Self::Lodavatar => lodavatar::train(shop),
             Self::Lapisgs => lapisgs::train(shop, Freedom::Opacity),
             Self::Freeze => lapisgs::train(shop, Freedom::Fixed),
             Self::Single | Self::Multiscale => alone::train(shop),
             Self::Downsample => alone::downsample(shop),
-        }
+        };
+        Ok(vec![cloud?])
     }
 }

@@ -2,13 +2,15 @@
 
 use anyhow::{Context, Result, ensure};
 use dermis_format::Avatar;
-use dermis_format::source::{Mathematics, Source};
+use dermis_format::source::{Importance, Mathematics, Source};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use super::culling::{self, Culling};
+use super::parts::Parts;
 use crate::checkpoint::Journal;
 use crate::embed::density;
+use crate::embed::importance;
 use crate::embed::initial::seed;
 use crate::embed::placement::spread;
 use crate::embed::surface::{Surface, SurfacePoint};
@@ -37,8 +39,9 @@ pub struct Workshop<'a> {
     pub(super) surface: Surface,
     /// Wanted density of Gaussians on each triangle, relative to the others.
     pub(super) weights: Vec<f32>,
-    /// Triangles chosen for detail.
-    pub(super) detail: Option<Vec<bool>>,
+    pub(super) parts: Parts,
+    /// Squared error on each triangle; empty before a survey.
+    residuals: Vec<f64>,
     stages: Vec<Stage>,
     views: Vec<TrainingView>,
     pub(super) random: Random,
@@ -48,14 +51,14 @@ pub struct Workshop<'a> {
 
 impl<'a> Workshop<'a> {
     /// For the mesh of `source`, which `views` show in the poses of `key_frames` and of which they have `seen` so much
-    /// of each triangle; `detail` are the triangles chosen for it.
+    /// of each triangle; `parts` are those of the same mesh.
     pub fn new(
         source: &Source,
         painter: &'a Painter<'a>,
         key_frames: &[KeyFrame],
         views: Vec<TrainingView>,
         seen: &[SideCount],
-        detail: Option<Vec<bool>>,
+        parts: Parts,
         options: &'a Options,
     ) -> Result<Self> {
         // Frames come from the runtime and the encoded mesh: what is trained on is what is drawn on.
@@ -70,7 +73,7 @@ impl<'a> Workshop<'a> {
         let is_seen = |count: &SideCount| count.front + count.back > 0;
         let mut weights: Vec<f32> =
             seen.iter().map(|count| if is_seen(count) { 1.0 } else { UNSEEN_WEIGHT }).collect();
-        if let Some(selected) = &detail {
+        if let Some(selected) = &parts.detail {
             options.detail.thicken(&mut weights, selected);
         }
         let random = Random::new(options.seed);
@@ -80,7 +83,8 @@ impl<'a> Workshop<'a> {
             corners,
             surface,
             weights,
-            detail,
+            parts,
+            residuals: Vec::new(),
             stages,
             views,
             random,
@@ -99,9 +103,17 @@ impl<'a> Workshop<'a> {
         self.steps
     }
 
-    /// What culling costs a cloud.
-    pub fn culling(&self, cloud: &Cloud) -> Result<Culling> {
-        culling::measure(cloud, &self.problem())
+    /// What culling costs the clouds of all regions.
+    pub fn culling(&self, clouds: &[Cloud]) -> Result<Culling> {
+        culling::measure(clouds, &self.problem())
+    }
+
+    /// How much each region matters, which moves in `clips` and of which views have `seen` so much.
+    pub fn importances(&self, clips: &[usize], seen: &[SideCount]) -> Vec<Importance> {
+        let regions = &self.parts.regions;
+        let model = self.painter.model();
+        let mobilities = importance::mobilities(model, &self.surface, clips, regions);
+        importance::of_regions(regions, &mobilities, seen, &self.residuals)
     }
 
     /// Gaussians on the surface, coarse to fine, denser where the error is; otherwise as
@@ -114,6 +126,8 @@ impl<'a> Workshop<'a> {
         if self.options.survey_steps > 0 {
             self.weigh_by_residual()?;
         }
+        // A survey would undo in part what it had found so.
+        self.parts.regions.thicken(&mut self.weights);
         self.spread_out(layers, spread_over)
     }
 
@@ -162,9 +176,11 @@ impl<'a> Workshop<'a> {
         let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
         let mut schedule = options.schedule(Prefixes::All);
         schedule.steps = options.survey_steps;
-        let cloud = self.descend(cloud, &schedule)?;
-        let residuals = residual::by_triangles(&cloud, &self.problem(), self.surface.len())?;
+        let cloud = self.descend_one(cloud, &schedule)?;
+        let problem = self.problem();
+        let residuals = residual::by_triangles(&[cloud], &problem, self.surface.len())?;
         density::follow(&residuals, &self.surface, &mut self.weights);
+        self.residuals = residuals;
         Ok(())
     }
 
@@ -179,14 +195,23 @@ impl<'a> Workshop<'a> {
         }
     }
 
-    /// Trains a cloud.
-    pub(super) fn descend(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
+    /// Trains the cloud of a mesh in one piece.
+    pub(super) fn descend_one(&mut self, cloud: Cloud, schedule: &Schedule) -> Result<Cloud> {
+        Ok(self.descend(vec![cloud], schedule)?.swap_remove(0))
+    }
+
+    /// Trains the clouds of all regions.
+    pub(super) fn descend(
+        &mut self,
+        clouds: Vec<Cloud>,
+        schedule: &Schedule,
+    ) -> Result<Vec<Cloud>> {
         let mut journal = self.journal.take();
         let problem = self.problem();
         let bar = progress::bar("training", u64::from(schedule.steps));
         let mut smooth: Option<Compared> = None;
-        let gaussians = cloud.len();
-        let mut descent = Descent::new(cloud, &problem, schedule, self.random.clone());
+        let gaussians: usize = clouds.iter().map(Cloud::len).sum();
+        let mut descent = Descent::new(clouds, &problem, schedule, self.random.clone());
         if let Some(journal) = &mut journal {
             journal.resume(&mut descent)?;
             let run = self.steps + descent.step();
@@ -213,11 +238,11 @@ impl<'a> Workshop<'a> {
         if let Some(journal) = &mut journal {
             journal.finish(&descent)?;
         }
-        let (cloud, random) = descent.finish();
+        let (clouds, random) = descent.finish();
         self.steps += schedule.steps;
         self.random = random;
         self.journal = journal;
-        Ok(cloud)
+        Ok(clouds)
     }
 }
 

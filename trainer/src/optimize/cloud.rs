@@ -102,7 +102,7 @@ pub struct Seed {
     pub freedom: Freedom,
 }
 
-/// All Gaussians of an avatar (one region), in the order of the file.
+/// All Gaussians of a region, in the order of the file. An avatar is a list of them.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Cloud {
     /// Gaussians of each layer.
@@ -216,6 +216,11 @@ pub struct Prefix {
 }
 
 impl Prefix {
+    /// All of each region.
+    pub fn whole(clouds: &[Cloud]) -> Vec<Self> {
+        clouds.iter().map(|cloud| Self::of(cloud.len() as u32, cloud)).collect()
+    }
+
     /// The first `count` of a cloud, all of it at most.
     ///
     /// With n(i) Gaussians at level i and n(i − 1) < k ≤ n(i), those that arrive are √(n(i) / k) times

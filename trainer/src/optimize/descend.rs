@@ -14,7 +14,7 @@ use super::backward::{SplatGradient, by_splats};
 use super::cloud::{Cloud, Parameters, Prefix};
 use super::forward::{Forward, Stage, draw};
 use super::loss::{Compared, Loss};
-use super::mover::Mover;
+use super::mover::{Motion, Mover};
 use super::price;
 use super::rounding::as_stored;
 use super::schedule::{Random, Schedule};
@@ -44,16 +44,13 @@ pub struct Problem<'a> {
 /// second one's gradient is one step old; but while pictures have serial parts, threads have work.
 const AT_ONCE: usize = 2;
 
-/// A cloud on its way down.
+/// The clouds of all regions on their way down.
 #[derive(Debug)]
 pub struct Descent<'a> {
     problem: &'a Problem<'a>,
     schedule: &'a Schedule,
-    cloud: Cloud,
-    /// Of each Gaussian at each level.
-    moments: Vec<Vec<Moments>>,
-    /// Steps of positions stay those of the first spacing: scales that grow must not run away.
-    sigmas: Vec<Vec<f32>>,
+    clouds: Vec<Cloud>,
+    motions: Vec<Motion>,
     random: Random,
     /// Views that this round has not seen yet, the next one last.
     order: Vec<usize>,
@@ -85,7 +82,7 @@ pub struct Times {
     pub update: f64,
 }
 
-/// What steps change: with the cloud, the schedule and the problem that a descent began with, all that it needs to go
+/// What steps change: with the clouds, the schedule and the problem that a descent began with, all that it needs to go
 /// on. What is fixed by those is not kept twice, and cannot contradict them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct State<'a> {
@@ -93,39 +90,33 @@ pub struct State<'a> {
     random: Random,
     /// Empty at the end.
     order: Cow<'a, [usize]>,
-    levels: Cow<'a, [Vec<Parameters>]>,
-    /// Empty at the end.
-    moments: Cow<'a, [Vec<Moments>]>,
+    /// Of each region.
+    levels: Vec<Cow<'a, [Vec<Parameters>]>>,
+    /// Of each region; empty at the end.
+    moments: Vec<Cow<'a, [Vec<Moments>]>>,
 }
 
 impl State<'_> {
     /// Bytes that it takes, roughly.
     pub fn bytes(&self) -> usize {
         let of_order = 2 * self.order.len();
-        of_order
-            + self.levels.iter().map(|level| size_of_val(&level[..])).sum::<usize>()
-            + self.moments.iter().map(|level| size_of_val(&level[..])).sum::<usize>()
+        of_order + bytes(&self.levels) + bytes(&self.moments)
     }
 }
 
 impl<'a> Descent<'a> {
     /// Before the first step.
     pub fn new(
-        cloud: Cloud,
+        clouds: Vec<Cloud>,
         problem: &'a Problem<'a>,
         schedule: &'a Schedule,
         random: Random,
     ) -> Self {
-        let of_each = |level: &Vec<Parameters>| vec![Moments::default(); level.len()];
-        let moments = cloud.levels.iter().map(of_each).collect();
-        let sigma = |p: &Parameters| libm::exp2f(0.5 * (p.log2_scale[0] + p.log2_scale[1]));
-        let sigmas = cloud.levels.iter().map(|level| level.iter().map(sigma).collect()).collect();
         Self {
             problem,
             schedule,
-            cloud,
-            moments,
-            sigmas,
+            motions: clouds.iter().map(Motion::new).collect(),
+            clouds,
             random,
             order: Vec::new(),
             step: 0,
@@ -140,25 +131,27 @@ impl<'a> Descent<'a> {
 
     /// Whether the schedule is done, or there is nothing to do.
     pub fn is_done(&self) -> bool {
-        self.step >= self.schedule.steps || self.problem.views.is_empty() || self.cloud.is_empty()
+        self.step >= self.schedule.steps
+            || self.problem.views.is_empty()
+            || self.clouds.iter().all(Cloud::is_empty)
     }
 
-    /// The cloud as it is, and the numbers that come next.
-    pub fn finish(self) -> (Cloud, Random) {
-        (self.cloud, self.random)
+    /// The clouds as they are, and the numbers that come next.
+    pub fn finish(self) -> (Vec<Cloud>, Random) {
+        (self.clouds, self.random)
     }
 
     /// Where it is.
     pub fn state(&self) -> State<'_> {
         // Who is done moves no more.
-        let (order, moments) =
-            if self.is_done() { Default::default() } else { (&self.order[..], &self.moments[..]) };
+        let (order, motions) =
+            if self.is_done() { Default::default() } else { (&self.order[..], &self.motions[..]) };
         State {
             step: self.step,
             random: self.random.clone(),
             order: order.into(),
-            levels: self.cloud.levels[..].into(),
-            moments: moments.into(),
+            levels: self.clouds.iter().map(|cloud| cloud.levels[..].into()).collect(),
+            moments: motions.iter().map(|motion| motion.moments[..].into()).collect(),
         }
     }
 
@@ -170,41 +163,52 @@ impl<'a> Descent<'a> {
         let views = self.problem.views.len();
         let fits = state.step <= self.schedule.steps
             && state.order.iter().all(|&view| view < views)
-            && same_lengths(&state.levels, &self.cloud.levels)
-            && (self.is_done() || same_lengths(&state.moments, &self.moments));
+            && same_lengths(&state.levels, self.clouds.iter().map(|cloud| &cloud.levels))
+            && (self.is_done()
+                || same_lengths(&state.moments, self.motions.iter().map(|motion| &motion.moments)));
         self.random = state.random;
         self.order = state.order.into_owned();
-        self.cloud.levels = state.levels.into_owned();
-        self.moments = state.moments.into_owned();
+        for (cloud, levels) in self.clouds.iter_mut().zip(state.levels) {
+            cloud.levels = levels.into_owned();
+        }
+        for (motion, moments) in self.motions.iter_mut().zip(state.moments) {
+            motion.moments = moments.into_owned();
+        }
         fits
     }
 
-    /// Takes the next steps, one picture each: draws a few pictures, then moves the cloud against the gradient of
+    /// Takes the next steps, one picture each: draws a few pictures, then moves the clouds against the gradient of
     /// each one's loss. It fails where a picture cannot be read, and in the last steps where a number is not finite.
     pub fn advance(&mut self) -> Result<Advance> {
         let steps = (self.schedule.steps - self.step).min(AT_ONCE as u32);
         let finishes = self.schedule.finishes_at(self.step);
         let shots: Vec<Shot<'_>> = (0..steps).map(|_| self.next_shot()).collect();
         let start = Instant::now();
-        let stored = if finishes { Some(as_stored(&self.cloud)?) } else { None };
-        let (cloud, problem) = (stored.as_ref().unwrap_or(&self.cloud), self.problem);
+        let stored: Option<Vec<Cloud>> =
+            finishes.then(|| self.clouds.iter().map(as_stored).collect()).transpose()?;
+        let (clouds, problem) = (stored.as_ref().unwrap_or(&self.clouds), self.problem);
         let mut advance = Advance { steps, ..Advance::default() };
         advance.times.forward += milliseconds(start);
         let passes = shots.par_iter().zip(&mut self.workspaces).with_max_len(1);
         let passes: Vec<Pass> = passes
-            .map(|(shot, workspace)| shot.pass(cloud, problem, workspace))
+            .map(|(shot, workspace)| shot.pass(clouds, problem, workspace))
             .collect::<Result<_>>()?;
         for (shot, pass) in shots.iter().zip(&passes) {
             let start = Instant::now();
-            let mover = Mover {
-                camera: &shot.camera,
-                low_pass: problem.low_pass,
-                stage: &problem.stages[shot.view.stage],
-                prefix: shot.prefix,
-                rates: shot.rates,
-            };
             let Pass { forward, gradients, .. } = pass;
-            mover.advance(&mut self.cloud, &mut self.moments, &self.sigmas, forward, gradients);
+            let regions = self.clouds.iter_mut().zip(&mut self.motions);
+            let drawn = shot.prefixes.iter().zip(&forward.regions);
+            for ((cloud, motion), (&prefix, drawn)) in regions.zip(drawn) {
+                let mover = Mover {
+                    camera: &shot.camera,
+                    low_pass: problem.low_pass,
+                    stage: &problem.stages[shot.view.stage],
+                    prefix,
+                    drawn: drawn.clone(),
+                    rates: shot.rates,
+                };
+                mover.advance(cloud, motion, forward, gradients);
+            }
             advance.times.update += milliseconds(start);
             advance.times.forward += pass.times.forward;
             advance.times.loss += pass.times.loss;
@@ -217,17 +221,17 @@ impl<'a> Descent<'a> {
 
     /// What the next step draws.
     fn next_shot(&mut self) -> Shot<'a> {
-        let Self { problem, schedule, cloud, random, .. } = self;
+        let Self { problem, schedule, clouds, random, .. } = self;
         if self.order.is_empty() {
             self.order = (0..problem.views.len()).collect();
             random.shuffle(&mut self.order);
         }
         let view = &problem.views[self.order.pop().unwrap_or(0)];
-        let prefix = schedule.prefix(cloud, random);
+        let prefixes = schedule.prefixes(clouds, random);
         let background = schedule.background(problem.background, random);
         let (rates, shift) = (schedule.rates_at(self.step), schedule.shift_at(self.step));
         self.step += 1;
-        Shot { view, camera: scaled(&view.camera, shift), prefix, background, rates, shift }
+        Shot { view, camera: scaled(&view.camera, shift), prefixes, background, rates, shift }
     }
 }
 
@@ -235,7 +239,7 @@ impl<'a> Descent<'a> {
 struct Shot<'a> {
     view: &'a TrainingView,
     camera: Camera,
-    prefix: Prefix,
+    prefixes: Vec<Prefix>,
     background: [f32; 3],
     rates: Rates,
     shift: u32,
@@ -262,14 +266,14 @@ struct Pass {
 impl Shot<'_> {
     fn pass(
         &self,
-        cloud: &Cloud,
+        clouds: &[Cloud],
         problem: &Problem<'_>,
         workspace: &mut Workspace,
     ) -> Result<Pass> {
         let start = Instant::now();
         let (view, background) = (self.view, self.background);
         let (stage, low_pass) = (&problem.stages[view.stage], problem.low_pass);
-        let forward = draw(cloud, self.prefix, stage, &self.camera, low_pass, background);
+        let forward = draw(clouds, &self.prefixes, stage, &self.camera, low_pass, background);
         let drawn = milliseconds(start);
         let region = region(&forward, view.truth.rect(self.shift));
         if region.pixels() == 0 {
@@ -295,8 +299,18 @@ fn milliseconds(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
 
-fn same_lengths<A, B>(these: &[Vec<A>], those: &[Vec<B>]) -> bool {
-    these.iter().map(Vec::len).eq(those.iter().map(Vec::len))
+/// Bytes of all levels of all regions.
+fn bytes<T: Clone>(regions: &[Cow<'_, [Vec<T>]>]) -> usize {
+    regions.iter().flat_map(|levels| levels.iter()).map(|level| size_of_val(&level[..])).sum()
+}
+
+/// Whether there are as many regions, of as many levels, of as many Gaussians.
+fn same_lengths<'a, T: Clone + 'a>(
+    these: &[Cow<'_, [Vec<T>]>],
+    those: impl Iterator<Item = &'a Vec<Vec<T>>>,
+) -> bool {
+    let lengths = |levels: &[Vec<T>]| levels.iter().map(Vec::len).collect::<Vec<_>>();
+    these.iter().map(|levels| lengths(levels)).eq(those.map(|levels| lengths(levels)))
 }
 
 /// Where the two pictures can differ.

@@ -59,7 +59,9 @@ impl Stage {
 pub struct Forward {
     /// What was drawn.
     pub splats: Vec<Splat>,
-    /// Index into the cloud of each splat's Gaussian; they ascend.
+    /// Splats of each region, one region after the other.
+    pub regions: Vec<Range<usize>>,
+    /// Index into its region's cloud of each splat's Gaussian; they ascend in a region.
     pub sources: Vec<u32>,
     /// What each of those was in this picture.
     pub discs: Vec<Disc>,
@@ -89,10 +91,10 @@ pub struct Band {
     pub ends: Vec<u32>,
 }
 
-/// Draws a prefix of the cloud over `background`.
+/// Draws a prefix of each region's cloud over `background`.
 pub fn draw(
-    cloud: &Cloud,
-    prefix: Prefix,
+    clouds: &[Cloud],
+    prefixes: &[Prefix],
     stage: &Stage,
     camera: &Camera,
     low_pass: LowPass,
@@ -101,23 +103,28 @@ pub fn draw(
     let kernel = Kernel::detect();
     let screen = SplatCamera { view: View::new(camera), low_pass };
     let grid = TileGrid::new(camera.width, camera.height);
-    let chunks: Vec<Seen> = (0..cloud.len().div_ceil(CHUNK))
-        .into_par_iter()
-        .map(|chunk| {
+    let regions = clouds.par_iter().zip(prefixes).map(|(cloud, &prefix)| {
+        let chunks = (0..cloud.len().div_ceil(CHUNK)).into_par_iter().map(|chunk| {
             let places = chunk * CHUNK..cloud.len().min((chunk + 1) * CHUNK);
             project(kernel, cloud, places, prefix, stage, &screen, &grid)
-        })
-        .collect();
+        });
+        chunks.collect()
+    });
+    let regions: Vec<Vec<Seen>> = regions.collect();
     let mut forward = Forward {
         picture: Picture::filled(camera.width, camera.height, background),
         ..Forward::default()
     };
     let mut keys = Vec::new();
-    for seen in chunks {
-        forward.splats.extend(seen.splats);
-        forward.sources.extend(seen.sources);
-        forward.discs.extend(seen.discs);
-        keys.extend(seen.keys);
+    for chunks in regions {
+        let first = forward.splats.len();
+        for seen in chunks {
+            forward.splats.extend(seen.splats);
+            forward.sources.extend(seen.sources);
+            forward.discs.extend(seen.discs);
+            keys.extend(seen.keys);
+        }
+        forward.regions.push(first..forward.splats.len());
     }
     let listed = Listed { splats: &forward.splats, keys: &keys, grid };
     let mut counts = vec![0; grid.tiles()];

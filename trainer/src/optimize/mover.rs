@@ -1,6 +1,7 @@
 //! From the gradient by splats to a step of the parameters they came from.
 
 use std::iter::repeat_with;
+use std::ops::Range;
 
 use dermis_format::{Disc, LowPass};
 use dermis_runtime::Camera;
@@ -17,8 +18,8 @@ use crate::widest::widest;
 /// Gaussians that one task moves.
 const CHUNK: usize = 2048;
 
-/// One step of all Gaussians that were drawn.
-#[derive(Clone, Copy, Debug)]
+/// One step of all Gaussians of a region that were drawn.
+#[derive(Clone, Debug)]
 pub struct Mover<'a> {
     /// Who looked.
     pub camera: &'a Camera,
@@ -26,10 +27,33 @@ pub struct Mover<'a> {
     pub low_pass: LowPass,
     /// The pose.
     pub stage: &'a Stage,
-    /// What was drawn.
+    /// What was drawn of the region.
     pub prefix: Prefix,
+    /// Splats of it.
+    pub drawn: Range<usize>,
     /// How far to go.
     pub rates: Rates,
+}
+
+/// How the Gaussians of a region move.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// Of each Gaussian at each level.
+    pub moments: Vec<Vec<Moments>>,
+    /// Steps of positions stay those of the first spacing: scales that grow must not run away.
+    sigmas: Vec<Vec<f32>>,
+}
+
+impl Motion {
+    /// At rest.
+    pub fn new(cloud: &Cloud) -> Self {
+        let of_each = |level: &Vec<Parameters>| vec![Moments::default(); level.len()];
+        let sigma = |p: &Parameters| libm::exp2f(0.5 * (p.log2_scale[0] + p.log2_scale[1]));
+        Self {
+            moments: cloud.levels.iter().map(of_each).collect(),
+            sigmas: cloud.levels.iter().map(|level| level.iter().map(sigma).collect()).collect(),
+        }
+    }
 }
 
 /// Neighbours in the cloud, at one level.
@@ -40,17 +64,16 @@ struct Neighbours<'a> {
 }
 
 impl Mover<'_> {
-    /// Moves the Gaussians of `forward`, of whose splats `gradients` are. `moments` and `sigmas` (standard
-    /// deviations at first) are those of each level.
+    /// Moves the Gaussians of `forward` that are of the region, given the gradients by all of its splats.
     pub fn advance(
         &self,
         cloud: &mut Cloud,
-        moments: &mut [Vec<Moments>],
-        sigmas: &[Vec<f32>],
+        motion: &mut Motion,
         forward: &Forward,
         gradients: &[SplatGradient],
     ) {
         let Cloud { levels, freedoms, triangles, .. } = cloud;
+        let Motion { moments, sigmas } = motion;
         let by_discs = ByDiscs {
             view: View::new(self.camera),
             low_pass: self.low_pass,
@@ -60,7 +83,7 @@ impl Mover<'_> {
             gradients,
         };
         let mut levels =
-            levels.iter_mut().zip(moments).zip(sigmas).map(|((parameters, moments), sigmas)| {
+            (levels.iter_mut().zip(moments).zip(sigmas)).map(|((parameters, moments), sigmas)| {
                 let chunks = parameters.chunks_mut(CHUNK).zip(moments.chunks_mut(CHUNK));
                 chunks.zip(sigmas.chunks(CHUNK)).map(|((parameters, moments), sigmas)| Neighbours {
                     parameters,
@@ -73,10 +96,12 @@ impl Mover<'_> {
         // The level below holds the first ones only.
         let below = below.filter(|_| self.prefix.lower_share > 0.0).into_iter().flatten();
         let tasks: Vec<_> = level.zip(below.map(Some).chain(repeat_with(|| None))).collect();
+        let sources = &forward.sources[self.drawn.clone()];
         tasks.into_par_iter().enumerate().for_each(|(chunk, (mut here, mut below))| {
             let first = chunk * CHUNK;
-            let place =
-                |index| forward.sources.partition_point(|&source| (source as usize) < index);
+            let place = |index| {
+                self.drawn.start + sources.partition_point(|&source| (source as usize) < index)
+            };
             let drawn = place(first)..place(first + here.parameters.len());
             for start in drawn.clone().step_by(BATCH) {
                 let drawn = start..drawn.end.min(start + BATCH);

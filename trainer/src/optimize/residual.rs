@@ -11,15 +11,15 @@ use crate::truth::Scratch;
 
 /// Squared differences of all views' pixels, each shared out to the triangles whose Gaussians show in the
 /// pixel, by their weight there. One number for each of `triangles` triangles.
-pub fn by_triangles(cloud: &Cloud, problem: &Problem<'_>, triangles: usize) -> Result<Vec<f64>> {
+pub fn by_triangles(clouds: &[Cloud], problem: &Problem<'_>, triangles: usize) -> Result<Vec<f64>> {
     let mut sums = vec![0.0; triangles];
-    let prefix = Prefix::of(cloud.len() as u32, cloud);
+    let prefixes = Prefix::whole(clouds);
     let (mut reading, mut truth) = (Scratch::default(), Picture::default());
     let mut squares = Vec::new();
     for view in problem.views {
         let stage = &problem.stages[view.stage];
         let background = problem.background;
-        let forward = draw(cloud, prefix, stage, &view.camera, problem.low_pass, background);
+        let forward = draw(clouds, &prefixes, stage, &view.camera, problem.low_pass, background);
         view.truth.draw(background, 0, &mut reading, &mut truth)?;
         squares.clear();
         squares.extend(forward.picture.rgb.iter().zip(&truth.rgb).map(|(a, b)| {
@@ -28,8 +28,11 @@ pub fn by_triangles(cloud: &Cloud, problem: &Problem<'_>, triangles: usize) -> R
         }));
         // The way back weighs a gradient by pixels just so when it takes it to a splat's red.
         let shares = by_splats(&forward, &squares);
-        for (&source, share) in forward.sources.iter().zip(&shares) {
-            sums[cloud.triangles[source as usize] as usize] += f64::from(share.color[0]);
+        for (cloud, drawn) in clouds.iter().zip(&forward.regions) {
+            let sources = &forward.sources[drawn.clone()];
+            for (&source, share) in sources.iter().zip(&shares[drawn.clone()]) {
+                sums[cloud.triangles[source as usize] as usize] += f64::from(share.color[0]);
+            }
         }
     }
     Ok(sums)

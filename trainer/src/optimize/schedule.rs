@@ -1,5 +1,7 @@
 //! How long, how fast, and which prefix.
 
+use core::slice;
+
 use serde::{Deserialize, Serialize};
 
 use super::adam::Rates;
@@ -88,6 +90,8 @@ pub struct Nested {
     pub level: f32,
     /// The least prefix, as a share of all; others are log-uniform between it and all.
     pub least: f32,
+    /// Share of the steps in which each region draws what it draws by itself; in the others all have the same share.
+    pub apart: f32,
 }
 
 impl Schedule {
@@ -117,30 +121,48 @@ impl Schedule {
         }
     }
 
-    /// The prefix of a step.
-    pub fn prefix(&self, cloud: &Cloud, random: &mut Random) -> Prefix {
-        let len = cloud.len() as u32;
-        let count = match self.prefixes {
-            Prefixes::All => len,
-            Prefixes::Level(level) => cloud.levels[level].len() as u32,
-            Prefixes::Nested(nested) => nested.count(cloud, random),
+    /// The prefix of each region in a step.
+    pub fn prefixes(&self, clouds: &[Cloud], random: &mut Random) -> Vec<Prefix> {
+        let counts = match self.prefixes {
+            Prefixes::All => return Prefix::whole(clouds),
+            Prefixes::Level(level) => {
+                clouds.iter().map(|cloud| cloud.levels[level].len() as u32).collect()
+            }
+            Prefixes::Nested(nested) => nested.counts(clouds, random),
         };
-        Prefix::of(count, cloud)
+        counts.into_iter().zip(clouds).map(|(count, cloud)| Prefix::of(count, cloud)).collect()
     }
 }
 
 impl Nested {
-    fn count(&self, cloud: &Cloud, random: &mut Random) -> u32 {
-        let len = cloud.len() as u32;
-        let earlier = cloud.levels.len().saturating_sub(1) as u32;
+    fn counts(&self, clouds: &[Cloud], random: &mut Random) -> Vec<u32> {
+        if clouds.len() > 1 && random.unit() < self.apart {
+            let alone = |cloud| self.common_counts(slice::from_ref(cloud), random);
+            clouds.iter().flat_map(alone).collect()
+        } else {
+            self.common_counts(clouds, random)
+        }
+    }
+
+    /// The same level or share of all.
+    fn common_counts(&self, clouds: &[Cloud], random: &mut Random) -> Vec<u32> {
+        let levels = clouds.iter().map(|cloud| cloud.levels.len()).max().unwrap_or(0);
+        let earlier = levels.saturating_sub(1) as u32;
         let draw = random.unit();
         if draw < self.whole {
-            len
+            clouds.iter().map(|cloud| cloud.len() as u32).collect()
         } else if draw < self.whole + self.level && earlier > 0 {
-            cloud.levels[random.below(earlier) as usize].len() as u32
+            // Regions too small for the first levels come later.
+            let from_last = levels - random.below(earlier) as usize;
+            let count = |cloud: &Cloud| {
+                let level = cloud.levels.len().checked_sub(from_last);
+                level.map_or(0, |level| cloud.levels[level].len() as u32)
+            };
+            clouds.iter().map(count).collect()
         } else {
             let share = libm::powf(self.least, random.unit());
-            ((len as f32 * share) as u32).clamp(1, len)
+            let count = |len: u32| ((len as f32 * share) as u32).clamp(len.min(1), len);
+            clouds.iter().map(|cloud| count(cloud.len() as u32)).collect()
         }
     }
 }

@@ -6,7 +6,7 @@ use dermis_runtime::Camera;
 use glam::{Vec2, Vec3, Vec4, vec3};
 use image::{Rgba, RgbaImage};
 
-use super::{Detail, DetailMask};
+use super::{Choice, Mask};
 use crate::demo::demo_avatar;
 use crate::model::{AlphaMode, Material, Model, Triangle, Vertex};
 use crate::scene::{Pose, camera_towards, posed_vertices};
@@ -49,37 +49,30 @@ fn camera(from: Vec3) -> Camera {
     camera_towards(Vec3::ZERO, from, 2.0, FRAC_PI_3, SIZE, SIZE)
 }
 
-fn masked(from: Vec3, pixel: impl Fn(u32, u32) -> Rgba<u8>) -> Detail {
+fn masked(from: Vec3, pixel: impl Fn(u32, u32) -> Rgba<u8>) -> Choice {
     let mask = RgbaImage::from_fn(SIZE, SIZE, pixel);
-    let mask =
-        DetailMask::new("mask.png".into(), mask, camera(from)).expect("of the camera's size");
-    Detail { masks: vec![mask], ..Detail::default() }
+    let mask = Mask::new("mask.png".into(), mask, camera(from)).expect("of the camera's size");
+    Choice { masks: vec![mask], ..Choice::default() }
 }
 
-fn named(joints: &[&str], materials: &[&str]) -> Detail {
+fn named(joints: &[&str], materials: &[&str]) -> Choice {
     let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-    Detail { joints: owned(joints), materials: owned(materials), ..Detail::default() }
+    Choice { joints: owned(joints), materials: owned(materials), ..Choice::default() }
 }
 
-fn selected(detail: &Detail, model: &Model) -> Vec<bool> {
-    let selected = detail.select(model).expect("it can be chosen");
-    let selected = selected.expect("something is asked for");
+fn selected(choice: &Choice, model: &Model) -> Vec<bool> {
+    let selected = choice.select(model).expect("it can be chosen");
     assert_eq!(selected.len(), model.triangles.len());
     selected
 }
 
-fn count(detail: &Detail, model: &Model) -> usize {
-    selected(detail, model).iter().filter(|selected| **selected).count()
+fn count(choice: &Choice, model: &Model) -> usize {
+    selected(choice, model).iter().filter(|selected| **selected).count()
 }
 
 /// What an error says, in one line.
-fn complaint(detail: &Detail, model: &Model) -> String {
-    format!("{:#}", detail.select(model).expect_err("nothing can be chosen"))
-}
-
-#[test]
-fn nothing_is_chosen_unless_asked() {
-    assert!(matches!(Detail::default().select(&demo_avatar()), Ok(None)));
+fn complaint(choice: &Choice, model: &Model) -> String {
+    format!("{:#}", choice.select(model).expect_err("nothing can be chosen"))
 }
 
 #[test]
@@ -150,7 +143,7 @@ fn inside_is_bright_and_opaque() {
 #[test]
 fn masks_have_the_size_of_their_camera() {
     let mask = RgbaImage::new(SIZE / 2, SIZE);
-    let error = DetailMask::new("mask.png".into(), mask, camera(Vec3::Z)).expect_err("too small");
+    let error = Mask::new("mask.png".into(), mask, camera(Vec3::Z)).expect_err("too small");
     let message = format!("{error:#}");
     assert!(
         message.contains("mask.png: is 100×200 px") && message.contains("200×200"),
@@ -166,9 +159,9 @@ fn masks_see_the_rest_pose() {
     let top = rest.iter().fold(f32::NEG_INFINITY, |top, vertex| top.max(vertex.y));
     let camera = camera_towards(Vec3::Y * (top - 0.3), Vec3::Z, 2.0, 0.4, SIZE, SIZE);
     let mask = RgbaImage::from_fn(SIZE, SIZE, |_, y| if y < SIZE * 7 / 10 { WHITE } else { BLACK });
-    let mask = DetailMask::new("face.png".into(), mask, camera).expect("of the camera's size");
-    let detail = Detail { masks: vec![mask], ..Detail::default() };
-    let choice = selected(&detail, &model);
+    let mask = Mask::new("face.png".into(), mask, camera).expect("of the camera's size");
+    let choice = Choice { masks: vec![mask], ..Choice::default() };
+    let choice = selected(&choice, &model);
     let chosen = choice.iter().filter(|selected| **selected).count();
     assert!(chosen > 150 && chosen < choice.len() / 4, "{chosen} of {}", choice.len());
     for (triangle, _) in model.triangles.iter().zip(&choice).filter(|(_, selected)| **selected) {
@@ -208,13 +201,13 @@ fn materials_choose_what_they_paint() {
     let model = sheet_behind_pane(true, AlphaMode::Opaque);
     let choice = selected(&named(&[], &["pane"]), &model);
     assert!(choice[..32].iter().all(|selected| !selected) && choice[32..] == [true, true]);
-    let detail = Detail { materials: vec!["pane".into()], ..masked(Vec3::Z, |_, _| WHITE) };
-    assert_eq!(count(&detail, &model), 28, "several choices add up");
+    let choice = Choice { materials: vec!["pane".into()], ..masked(Vec3::Z, |_, _| WHITE) };
+    assert_eq!(count(&choice, &model), 28, "several choices add up");
     let below = |x: u32, y: u32| if x < SIZE / 2 && y > SIZE / 2 + 5 { WHITE } else { BLACK };
     let mask = masked(Vec3::Z, below);
     let alone = count(&mask, &model);
-    let detail = Detail { materials: vec!["pane".into()], ..mask };
-    assert_eq!(count(&detail, &model), alone + 2, "several choices add up");
+    let choice = Choice { materials: vec!["pane".into()], ..mask };
+    assert_eq!(count(&choice, &model), alone + 2, "several choices add up");
 }
 
 #[test]
@@ -229,11 +222,4 @@ fn unknown_names_are_told_with_known_ones() {
     assert_eq!(material, "has no material skin; choose one of: paint");
     let stiff = complaint(&named(&["head"], &[]), &sheet_behind_pane(true, AlphaMode::Opaque));
     assert!(stiff.starts_with("has no joints; "), "{stiff}");
-}
-
-#[test]
-fn density_is_multiplied_where_chosen() {
-    let mut weights = [1.0, 1.0, 0.1, 0.1];
-    Detail::default().thicken(&mut weights, &[true, false, true, false]);
-    assert_eq!(weights, [4.0, 1.0, 0.4, 0.1]);
 }

@@ -10,7 +10,7 @@ const MOST: f32 = 0.5;
 /// Whether each triangle has all its corners moved by more than half by the joints of these names
 /// and those below them.
 pub(super) fn moved_by(model: &Model, names: &[String]) -> Result<Vec<bool>> {
-    ensure!(!model.joints.is_empty(), "has no joints; choose detail by mask or material");
+    ensure!(!model.joints.is_empty(), "has no joints; choose by mask or material");
     check(names, model.joints.iter().map(|joint| joint.name.as_str()), "joint")?;
     let mut chosen: Vec<bool> = Vec::with_capacity(model.joints.len());
     for joint in &model.joints {
@@ -60,7 +60,7 @@ fn check<'a>(
         let close: Vec<&str> = named.clone().filter(|other| are_close(name, other)).collect();
         let listed = if close.is_empty() { named.collect() } else { close };
         match listed.as_slice() {
-            [] => bail!("has no {what} {name}, nor any other with a name; choose detail by mask"),
+            [] => bail!("has no {what} {name}, nor any other with a name; choose by mask"),
             _ => bail!("has no {what} {name}; choose one of: {}", listed.join(", ")),
         }
     }

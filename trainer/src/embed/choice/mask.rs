@@ -16,7 +16,7 @@ const INSIDE: u8 = 128;
 /// A picture of what is chosen, and the camera that it was seen by. The picture has as many pixels as
 /// the camera's.
 #[derive(Clone, Debug)]
-pub struct DetailMask {
+pub struct Mask {
     /// What errors call it: its file.
     pub name: String,
     /// Inside where luma and alpha are at least 128.
@@ -24,7 +24,7 @@ pub struct DetailMask {
     camera: Camera,
 }
 
-impl DetailMask {
+impl Mask {
     /// A mask in memory.
     ///
     /// # Errors
