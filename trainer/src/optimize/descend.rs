@@ -229,7 +229,8 @@ impl<'a> Descent<'a> {
         let view = &problem.views[self.order.pop().unwrap_or(0)];
         let prefixes = schedule.prefixes(clouds, random);
         let background = schedule.background(problem.background, random);
-        let (rates, shift) = (schedule.rates_at(self.step), schedule.shift_at(self.step));
+        let shift = schedule.shift_at(self.step, clouds, &prefixes, random);
+        let rates = schedule.rates_at(self.step);
         self.step += 1;
         Shot { view, camera: scaled(&view.camera, shift), prefixes, background, rates, shift }
     }

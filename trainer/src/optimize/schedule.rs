@@ -90,6 +90,9 @@ pub struct Nested {
     pub level: f32,
     /// The least prefix, as a share of all; others are log-uniform between it and all.
     pub least: f32,
+    /// Share of the steps of a quarter of all that match pictures of half the size, twice as many of a sixteenth at a
+    /// quarter, and so on to [`MOST_HALVINGS`]: few Gaussians are looked at from afar, and sometimes from nearby.
+    pub afar: f32,
     /// Share of the steps in which each region draws what it draws by itself; in the others all have the same share.
     pub apart: f32,
 }
@@ -101,10 +104,20 @@ impl Schedule {
         self.rates.times(libm::powf(self.last_rate, progress))
     }
 
-    /// Pictures of a step are matched at 1/2^shift of their size.
-    pub fn shift_at(&self, step: u32) -> u32 {
+    /// Pictures of a step that draws `prefixes` of `clouds` are matched at 1/2^shift of their size.
+    pub fn shift_at(
+        &self,
+        step: u32,
+        clouds: &[Cloud],
+        prefixes: &[Prefix],
+        random: &mut Random,
+    ) -> u32 {
         let warm = (step as f32) < self.warm_up * self.steps as f32;
-        self.shift + u32::from(warm)
+        let shift = self.shift + u32::from(warm);
+        match self.prefixes {
+            Prefixes::Nested(nested) => shift.max(nested.halvings(clouds, prefixes, random)),
+            Prefixes::All | Prefixes::Level(_) => shift,
+        }
     }
 
     /// Whether a step draws what a file would hold.
@@ -134,7 +147,19 @@ impl Schedule {
     }
 }
 
+/// A prefix is looked at in pictures of 1/2^this of the size at least.
+const MOST_HALVINGS: u32 = 3;
+
 impl Nested {
+    /// How often the sides of a picture of `prefixes` are halved: as often as all are quartered, or not at all.
+    fn halvings(&self, clouds: &[Cloud], prefixes: &[Prefix], random: &mut Random) -> u32 {
+        let all: u32 = clouds.iter().map(|cloud| cloud.len() as u32).sum();
+        let drawn: u32 = prefixes.iter().map(|prefix| prefix.count).sum();
+        let quarterings = (all / drawn.max(1)).max(1).ilog2() / 2;
+        let halvings = quarterings.min(MOST_HALVINGS);
+        if random.unit() < self.afar * halvings as f32 { halvings } else { 0 }
+    }
+
     fn counts(&self, clouds: &[Cloud], random: &mut Random) -> Vec<u32> {
         if clouds.len() > 1 && random.unit() < self.apart {
             let alone = |cloud| self.common_counts(slice::from_ref(cloud), random);
