@@ -32,13 +32,27 @@ pub enum RecordKind {
     Full,
 }
 
-/// What the 0.3 px² low-pass of the projection does to opacity.
+/// The low-pass of the projection: a variance added on the screen along both axes, and what that does to opacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum LowPass {
-    /// Nothing (3D Gaussian Splatting).
+    /// 0.3 px², and nothing (3D Gaussian Splatting).
     Classic,
-    /// Times √(det Σ / det(Σ + 0.3 I)): the energy of a Gaussian far away stays right.
+    /// 0.3 px², and opacity times √(det Σ / det(Σ + 0.3 I)): the energy of a Gaussian far away stays right.
     Compensated,
+    /// 1/12 px², the variance of the square that a pixel is, and opacity as in Compensated: edges and textures stay
+    /// sharp, for Gaussians that were trained on pixels that are means over squares.
+    Pixel,
+}
+
+impl LowPass {
+    /// What is added along both axes of the screen, px².
+    #[inline(always)]
+    pub const fn variance(self) -> f32 {
+        match self {
+            Self::Classic | Self::Compensated => 0.3,
+            Self::Pixel => 1.0 / 12.0,
+        }
+    }
 }
 
 /// What drawing a prefix of k out of N Gaussians does to scales.

@@ -38,7 +38,7 @@ impl Default for Mathematics {
     fn default() -> Self {
         Self {
             frame: FrameKind::Area,
-            low_pass: LowPass::Compensated,
+            low_pass: LowPass::Pixel,
             scale_law: ScaleLaw::SquareRoot,
             harmonics_degree: 0,
         }

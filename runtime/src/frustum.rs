@@ -23,7 +23,7 @@ const ROUNDING: f32 = 2e-6;
 
 impl Frustum<f32> {
     /// A footprint ends within 3.33 standard deviations (α ≥ 1/255), and its variance along x is at
-    /// most (f / z)² (|X| + |s Z|)² σ² + 0.3 px², with X and Z rows of world → camera and the clamped
+    /// most (f / z)² (|X| + |s Z|)² σ² + 0.3 px² (low-pass), with X and Z rows of world → camera and the clamped
     /// slope s. So at depth z > 0 it is off the right border, W − c px from the principal point, where
     ///
     /// ```text

@@ -9,8 +9,6 @@ use crate::math::{Real, Scalar, dot, each};
 
 /// Gaussians whose centre is nearer than this are not drawn, metres.
 pub const NEAR: f32 = 0.01;
-/// Variance added to every splat along both axes, px².
-pub const LOW_PASS: f32 = 0.3;
 /// The Jacobian is taken no further out than this many times the half width of the view.
 pub const JACOBIAN_LIMIT: f32 = 1.3;
 /// log₂ of the least alpha that touches a pixel, 1/255.
@@ -132,7 +130,7 @@ pub struct Projected<R> {
     /// a, b, c of the exponent (a dx + b dy)² + (c dy)² = q/2 · log₂ e at (dx, dy) px from the centre:
     /// the Cholesky factor of the inverse of `covariance`, scaled, px⁻¹.
     pub falloff: [R; 3],
-    /// What the low-pass leaves of opacity: √(det Σ / det(Σ + 0.3 I)), or 1 (classic).
+    /// What the low-pass leaves of opacity: √(det Σ / det(Σ + h I)), or 1 (classic).
     pub compensation: R,
     /// z of the centre in camera axes, metres.
     pub depth: R,
@@ -174,10 +172,10 @@ pub fn project<R: Real, const N: usize>(
             det = det + area * area;
         }
     }
-    let h = z.like(LOW_PASS);
+    let h = z.like(low_pass.variance());
     let filtered = det + h * (xx + yy) + h * h;
     let compensation = match low_pass {
-        LowPass::Compensated => (det / filtered).sqrt(),
+        LowPass::Compensated | LowPass::Pixel => (det / filtered).sqrt(),
         LowPass::Classic => one,
     };
     let inverse = one / filtered;

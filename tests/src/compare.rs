@@ -87,7 +87,7 @@ pub fn cost_of_packing(
             let mask: Vec<bool> = truth.coverage.iter().map(|&c| c > 0.0).collect();
             let exact = truth.picture.to_bytes();
             let psnr = |a: &[u8], b: &[u8]| psnr_db(a, b, Some(&mask)).expect("it is seen");
-            let low_pass = LowPass::Compensated;
+            let low_pass = LowPass::Pixel;
             let before =
                 forward::draw(&trained.clouds, &[prefix], &stage, &camera, low_pass, WHITE);
             let before = before.picture.to_bytes();

@@ -95,7 +95,7 @@ fn ribbon() -> Source {
             triangles: cloud.triangles.clone(),
             ..Region::default()
         }],
-        mathematics: Mathematics::default(),
+        mathematics: Mathematics { low_pass: LowPass::Compensated, ..Mathematics::default() },
         bounds: [[-0.2, 0.0, 0.0], [0.2, 1.2, 0.0]],
         key_frames: Vec::new(),
     }

@@ -20,7 +20,7 @@ use dermis_trainer::optimize::forward::{Forward, Stage, draw};
 use dermis_trainer::optimize::projection::{ByScreen, by_disc};
 use dermis_trainer::optimize::schedule::Random;
 
-const KINDS: [LowPass; 2] = [LowPass::Compensated, LowPass::Classic];
+const KINDS: [LowPass; 3] = [LowPass::Compensated, LowPass::Classic, LowPass::Pixel];
 
 fn central(h: f64, f: impl Fn(f64) -> f64) -> f64 {
     (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * h)
@@ -87,7 +87,7 @@ fn projection_has_the_gradient_of_the_runtimes_projection() {
     const STEP: f64 = 1e-4;
     for round in 0..600 {
         let (view, frame, at) = random_disc(&mut random);
-        let low_pass = KINDS[round % 2];
+        let low_pass = KINDS[round % 3];
         let moved = |i: usize, h: f64| {
             let mut p = at;
             p[i] += h;

@@ -67,14 +67,8 @@ fn drawn_by_training(avatar: &Avatar<'_>, cloud: &Cloud, count: u32) -> Vec<u8> 
     let stage = Stage::of(avatar, &POSE).expect("it can be posed");
     let camera = view(avatar);
     let prefix = Prefix::of(count, cloud);
-    let drawn = forward::draw(
-        slice::from_ref(cloud),
-        &[prefix],
-        &stage,
-        &camera,
-        LowPass::Compensated,
-        WHITE,
-    );
+    let clouds = slice::from_ref(cloud);
+    let drawn = forward::draw(clouds, &[prefix], &stage, &camera, LowPass::Pixel, WHITE);
     drawn.picture.to_bytes()
 }
 

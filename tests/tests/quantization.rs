@@ -1,7 +1,21 @@
-//! What writing an avatar to a file costs.
+//! What writing an avatar to a file costs, and how training makes up for it.
 
+use std::iter::repeat_n;
+
+use dermis_format::walk::Levels;
+use dermis_format::{Disc, FrameKind, LowPass, Records};
+use dermis_runtime::frame::Frame;
+use dermis_runtime::{Avatar, Camera};
 use dermis_tests::compare::cost_of_packing;
-use dermis_tests::small::{options, trained_demo};
+use dermis_tests::small::{WHITE, options, trained_demo};
+use dermis_trainer::optimize::cloud::{Cloud, Freedom, Parameters, Prefix, Seed};
+use dermis_trainer::optimize::descend::{Descent, Problem};
+use dermis_trainer::optimize::forward::{Stage, draw};
+use dermis_trainer::optimize::loss::Loss;
+use dermis_trainer::optimize::rounding::as_stored;
+use dermis_trainer::optimize::schedule::{Prefixes, Random, Schedule};
+use dermis_trainer::scene::Truth;
+use dermis_trainer::truth::{Crop, Store, TrainingView};
 
 /// The float cloud and the file, both against the mesh, from directions that training did not see.
 #[test]
@@ -16,4 +30,96 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
         assert!(cost.between > 50.0, "the pictures differ by {:.1} dB", cost.between);
         assert!(cost.cloud - cost.file <= 0.3, "{cost:?}");
     }
+}
+
+#[test]
+fn the_last_steps_draw_what_is_read() {
+    let (_, trained) = trained_demo(&options(2000, 20));
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    let drawn = as_stored(&trained.cloud).expect("it can be written");
+    for (level, drawn) in (0..).zip(&drawn.levels) {
+        let blocks = avatar.blocks_at(|_| Levels { upper: level, lower: None });
+        let read: Vec<Disc> = (blocks.take_while(|block| block.layer <= level))
+            .flat_map(|block| {
+                let Records::Disc(records) = block.records else { panic!("training makes discs") };
+                let groups = block.groups.iter();
+                let of_each = groups.flat_map(|g| repeat_n(g, usize::from(g.count_less_one) + 1));
+                of_each.zip(records).map(|(group, record)| group.disc(record))
+            })
+            .collect();
+        assert_eq!(read.len(), drawn.len(), "level {level}");
+        for (read, drawn) in read.iter().zip(drawn) {
+            let drawn = drawn.disc();
+            assert!((read.opacity - drawn.opacity).abs() < 1.1e-4, "{read:?} {drawn:?}");
+            assert_eq!(*read, Disc { opacity: read.opacity, ..drawn }, "level {level}");
+        }
+    }
+}
+
+/// Gaussians that match their picture exactly, and one nobody sees, of a colour so bright that the codes of all
+/// colours are coarse: what a step finds wrong is rounding alone.
+#[test]
+fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
+    let mut random = Random::new(7);
+    let mut between = |low: f32, high: f32| low + (high - low) * random.unit();
+    let mut all: Vec<Parameters> = (0..150)
+        .map(|_| Parameters {
+            position: [between(-0.5, 0.5), between(-0.5, 0.5), between(-0.01, 0.01)],
+            angle: between(0.0, 3.0),
+            log2_scale: [between(-4.5, -3.5), between(-4.5, -3.5)],
+            logit: between(0.0, 2.0),
+            color: [0; 3].map(|_| between(0.2, 0.8)),
+        })
+        .collect();
+    all.push(Parameters { color: [60.0; 3], logit: -12.0, ..Parameters::default() });
+    let seed = |parameters| Seed { triangle: 0, parameters, freedom: Freedom::Free };
+    let seeds: Vec<Seed> = all.into_iter().map(seed).collect();
+    let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
+    let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
+    let stage = Stage {
+        frames: vec![Frame::of_triangle(FrameKind::Area, corners)],
+        two_sided: Box::new([false]),
+    };
+    let camera = Camera {
+        width: 64,
+        height: 64,
+        fx: 60.0,
+        fy: 60.0,
+        cx: 32.0,
+        cy: 32.0,
+        world_to_camera: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 2.0]],
+    };
+    let low_pass = LowPass::Compensated;
+    let prefix = Prefix::of(cloud.len() as u32, &cloud);
+    let over = |background| draw(&cloud, prefix, &stage, &camera, low_pass, background).picture;
+    let (white, black) = (over(WHITE), over([0.0; 3]));
+    let coverage = white.rgb.iter().zip(&black.rgb).map(|(w, b)| 1.0 - (w[0] - b[0])).collect();
+    let truth = Truth { picture: white, coverage, seen: Vec::new() };
+    let store = Store::new(u64::MAX, &std::env::temp_dir());
+    let truth = store.keep(Crop::of(&truth, WHITE)).expect("it is small");
+    let views = [TrainingView { stage: 0, camera, truth }];
+    let problem = Problem {
+        stages: std::slice::from_ref(&stage),
+        views: &views,
+        background: WHITE,
+        low_pass,
+        loss: Loss::default(),
+        blend_price: 0.0,
+    };
+    // The error that two steps find, and the cloud after them.
+    let after = |finish: f32| {
+        let schedule = Schedule { finish, warm_up: 0.0, ..options(0, 2).schedule(Prefixes::All) };
+        let mut descent = Descent::new(cloud.clone(), &problem, &schedule, Random::new(1));
+        let advance = descent.advance().expect("its picture is in memory");
+        (advance.compared.mse, descent.finish().0)
+    };
+    let ((exact, _), (rounded, moved)) = (after(0.0), after(1.0));
+    println!("{exact:.2e} before rounding, {rounded:.2e} after");
+    assert!(rounded > 1e-4 && rounded > 20.0 * exact, "{exact:.2e} {rounded:.2e}");
+    let code = 60.0 / 255.0;
+    let pairs = moved.full().iter().zip(cloud.full()).filter(|(_, before)| before.color[0] < 1.0);
+    let steps = pairs.map(|(after, before)| (after.color[0] - before.color[0]).abs());
+    let steps: Vec<f32> = steps.filter(|&step| step > 0.0).collect();
+    assert!(steps.len() > 140, "{} of 150 colours move", steps.len());
+    assert!(steps.iter().all(|&step| step < 0.25 * code), "from where they were, not from codes");
 }

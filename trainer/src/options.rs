@@ -47,6 +47,9 @@ pub struct Options {
     pub background: [f32; 3],
     /// Share of the steps, the first ones, that match pictures of half the size.
     pub warm_up: f32,
+    /// Share of the steps, the last ones, that draw Gaussians rounded to the file's codes, so that what is written is
+    /// what was matched. A step of them takes a sixth longer.
+    pub finish: f32,
     /// What to lessen.
     pub loss: Loss,
     /// What a blend in each pixel of a picture adds to the loss: pictures that are cheaper to draw.
@@ -84,6 +87,7 @@ impl Options {
             seed: 1,
             background: [1.0; 3],
             warm_up: 0.2,
+            finish: 0.05,
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: true,
@@ -108,6 +112,7 @@ impl Options {
             prefixes,
             shift: 0,
             warm_up: self.warm_up,
+            finish: self.finish,
             random_background: 0.3,
         }
     }

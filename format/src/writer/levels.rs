@@ -6,7 +6,7 @@ use crate::record::BlockRecord;
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
 
-use super::blocks::{disc_group, group_ends};
+use super::discs::disc_planes;
 use super::{EncodeError, bytes_of, narrow, refuse, section};
 
 /// Whether any Gaussian has parameters of its own at a later level.
@@ -77,14 +77,7 @@ fn level_payload(
     let places = first as usize..(first + count) as usize;
     let discs = &region.levels[usize::from(level) - 1][places.clone()];
     let triangles = region.triangles.get(places).unwrap_or(&[]);
-    let (mut groups, mut records) = (Vec::new(), Vec::new());
-    let mut start = 0;
-    for end in group_ends(triangles, discs.len()) {
-        let group = disc_group(&discs[start..end], triangles.get(start).copied().unwrap_or(0))?;
-        records.extend(discs[start..end].iter().map(|disc| group.encode_disc(disc)));
-        groups.push(group);
-        start = end;
-    }
+    let (groups, records) = disc_planes(triangles, discs)?;
     let head = BlockRecord {
         region: index,
         layer: level,

@@ -1,6 +1,7 @@
 //! The encoder: [`Source`] to bytes.
 
 mod blocks;
+mod discs;
 mod levels;
 mod mesh;
 mod rig;
@@ -10,6 +11,8 @@ use core::fmt;
 use crate::header::{Header, PerLevel, RecordKind};
 use crate::section::{MAGIC, Section, VERSION, preamble, preamble_crc, section_crc, tag};
 use crate::source::{Gaussians, Source};
+
+pub use discs::stored;
 
 use blocks::{write_blocks, write_regions};
 use levels::has_levels;

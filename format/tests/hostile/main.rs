@@ -167,7 +167,11 @@ fn header_bytes(header: &Header) -> Vec<u8> {
             FrameKind::Edge => 2,
         },
         u8::from(record == RecordKind::Full),
-        u8::from(low_pass == LowPass::Compensated),
+        match low_pass {
+            LowPass::Classic => 0,
+            LowPass::Compensated => 1,
+            LowPass::Pixel => 2,
+        },
         u8::from(scale_law == ScaleLaw::SquareRoot),
         header.harmonics_degree,
         match header.per_level {

@@ -55,8 +55,10 @@ fn kinds() -> impl Strategy<Value = Kind> {
         (FrameKind::World, true),
     ]);
     let per_level = prop::sample::select(vec![PerLevel::Nothing, PerLevel::Opacity, PerLevel::All]);
-    (frame, 0..4u8, any::<bool>(), any::<bool>(), per_level).prop_map(
-        |((frame, full), degree, classic, constant, per_level)| {
+    let low_pass =
+        prop::sample::select(vec![LowPass::Classic, LowPass::Compensated, LowPass::Pixel]);
+    (frame, 0..4u8, low_pass, any::<bool>(), per_level).prop_map(
+        |((frame, full), degree, low_pass, constant, per_level)| {
             // Discs alone have all of their own, and one law.
             let per_level =
                 if full && per_level == PerLevel::All { PerLevel::Opacity } else { per_level };
@@ -64,7 +66,7 @@ fn kinds() -> impl Strategy<Value = Kind> {
             Kind {
                 frame,
                 full: full.then_some(degree),
-                low_pass: if classic { LowPass::Classic } else { LowPass::Compensated },
+                low_pass,
                 law: if constant { ScaleLaw::Constant } else { ScaleLaw::SquareRoot },
                 per_level,
             }

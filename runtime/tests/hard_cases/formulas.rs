@@ -5,7 +5,7 @@ use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::Ellipsoid;
 use dermis_runtime::harmonics;
 use dermis_runtime::math::{add, cross, dot, scale, sub};
-use dermis_runtime::project::{LOW_PASS, Projected, View, project};
+use dermis_runtime::project::{Projected, View, project};
 use dermis_runtime::select::Harmonics;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
@@ -220,7 +220,7 @@ fn axes_are_projected_by_the_derivative_of_the_pinhole_map() {
             let behind = pinhole(&camera, sub(center, scale(axis, h)));
             [0, 1].map(|i| (ahead[i] - behind[i]) / (2.0 * h))
         });
-        let low_pass = f64::from(LOW_PASS);
+        let low_pass = f64::from(LowPass::Classic.variance());
         let check = |found: Projected<f64>, screen: &[[f64; 2]]| {
             let sum = |i: usize, j: usize| screen.iter().map(|b| b[i] * b[j]).sum::<f64>();
             near(found.covariance[0], sum(0, 0) + low_pass, 1e-5);
@@ -253,7 +253,7 @@ fn the_slope_of_the_jacobian_is_clamped() {
             let found = of_axes(&camera, center, [needle]);
             let held = [0, 1].map(|i| f64::min(share, 1.0) * signs[i] * limits[i]);
             let screen = [0, 1].map(|i| -focal[i] / 2.5 * held[i] * 0.1);
-            let low_pass = f64::from(LOW_PASS);
+            let low_pass = f64::from(LowPass::Classic.variance());
             near(found.covariance[0], screen[0] * screen[0] + low_pass, 1e-4);
             near(found.covariance[1], screen[0] * screen[1], 1e-4);
             near(found.covariance[2], screen[1] * screen[1] + low_pass, 1e-4);

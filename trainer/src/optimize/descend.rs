@@ -16,6 +16,7 @@ use super::forward::{Forward, Stage, draw};
 use super::loss::{Compared, Loss};
 use super::mover::{Motion, Mover};
 use super::price;
+use super::rounding::as_stored;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
@@ -71,7 +72,7 @@ pub struct Advance {
 /// Time of the parts of steps, ms. Of steps that run at once each counts in full.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Times {
-    /// Projection, lists, blending.
+    /// Rounding in the last steps, projection, lists, blending.
     pub forward: f64,
     /// Reading the truth, and both terms of the loss with their gradient.
     pub loss: f64,
@@ -177,16 +178,21 @@ impl<'a> Descent<'a> {
     }
 
     /// Takes the next steps, one picture each: draws a few pictures, then moves the clouds against the gradient of
-    /// each one's loss. It fails where a picture cannot be read.
+    /// each one's loss. It fails where a picture cannot be read, and in the last steps where a number is not finite.
     pub fn advance(&mut self) -> Result<Advance> {
         let steps = (self.schedule.steps - self.step).min(AT_ONCE as u32);
+        let finishes = self.schedule.finishes_at(self.step);
         let shots: Vec<Shot<'_>> = (0..steps).map(|_| self.next_shot()).collect();
-        let (clouds, problem) = (&self.clouds[..], self.problem);
+        let start = Instant::now();
+        let stored: Option<Vec<Cloud>> =
+            finishes.then(|| self.clouds.iter().map(as_stored).collect()).transpose()?;
+        let (clouds, problem) = (stored.as_ref().unwrap_or(&self.clouds), self.problem);
+        let mut advance = Advance { steps, ..Advance::default() };
+        advance.times.forward += milliseconds(start);
         let passes = shots.par_iter().zip(&mut self.workspaces).with_max_len(1);
         let passes: Vec<Pass> = passes
             .map(|(shot, workspace)| shot.pass(clouds, problem, workspace))
             .collect::<Result<_>>()?;
-        let mut advance = Advance { steps, ..Advance::default() };
         for (shot, pass) in shots.iter().zip(&passes) {
             let start = Instant::now();
             let Pass { forward, gradients, .. } = pass;

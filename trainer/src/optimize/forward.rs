@@ -1,5 +1,5 @@
 //! The picture of a prefix, drawn by the runtime's own stages: culled, projected, sorted and
-//! blended as a file is. Only the parameters are not rounded to the file's codes.
+//! blended as a file is. The parameters are not rounded to the file's codes; [`super::rounding`] does that.
 
 use core::ops::Range;
 

@@ -7,8 +7,9 @@
 //!    them from the screen to the discs, many at once by [`discs`].
 //! 5. [`mover`] takes them to the parameters of the levels, which [`adam`] moves.
 //! 6. [`schedule`] says how many steps, which prefix, and which rates.
-//! 7. [`descend`] puts them in a loop.
-//! 8. [`residual`] says where a cloud still differs from the truth.
+//! 7. [`rounding`] is what the last steps draw: the file's numbers.
+//! 8. [`descend`] puts them in a loop.
+//! 9. [`residual`] says where a cloud still differs from the truth.
 //!
 //! Every sum runs in an order that the data fixes, so the result does not depend on threads.
 
@@ -23,4 +24,5 @@ pub mod mover;
 pub mod price;
 pub mod projection;
 pub mod residual;
+pub mod rounding;
 pub mod schedule;

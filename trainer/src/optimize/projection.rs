@@ -5,7 +5,7 @@ use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::disc_on;
 use dermis_runtime::math::{Real, add, dot, each, scale};
-use dermis_runtime::project::{HALF_LOG2_E, LOW_PASS, View};
+use dermis_runtime::project::{HALF_LOG2_E, View};
 
 /// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +104,7 @@ pub fn by_disc<R: Real>(
 fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
     let [[u0, v0], [u1, v1]] = b;
     let constant = |x: f32| u0.like(x);
-    let (zero, h) = (constant(0.0), constant(LOW_PASS));
+    let (zero, h) = (constant(0.0), constant(low_pass.variance()));
     let (xx, xy, yy) = (u0 * u0 + u1 * u1, u0 * v0 + u1 * v1, v0 * v0 + v1 * v1);
     let area = u0 * v1 - v0 * u1;
     let det = area * area;
@@ -120,7 +120,7 @@ fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) 
     let by_yy = (by_a * a - by_c * c) / (two * yy) - by_b * a * slope / yy;
     let mut by_filtered = -(by_a * a / (two * filtered));
     let mut by_det = zero;
-    if low_pass == LowPass::Compensated {
+    if low_pass != LowPass::Classic {
         let spans = zero.below(det);
         let per_ratio = by.log2_opacity * kappa;
         by_filtered = by_filtered - R::select(spans, per_ratio / filtered, zero);

@@ -63,6 +63,8 @@ pub struct Schedule {
     pub shift: u32,
     /// Share of the steps, the first ones, that match them at half of that.
     pub warm_up: f32,
+    /// Share of the steps, the last ones, that draw what a file would hold ([`super::rounding`]).
+    pub finish: f32,
     /// Share of the steps before a background of a random colour, without which an avatar's white
     /// parts would be free to be transparent before white.
     pub random_background: f32,
@@ -103,6 +105,11 @@ impl Schedule {
     pub fn shift_at(&self, step: u32) -> u32 {
         let warm = (step as f32) < self.warm_up * self.steps as f32;
         self.shift + u32::from(warm)
+    }
+
+    /// Whether a step draws what a file would hold.
+    pub fn finishes_at(&self, step: u32) -> bool {
+        ((self.steps - step) as f32) <= self.finish * self.steps as f32
     }
 
     /// What stands behind the avatar in a step: mostly `usual`.
