@@ -14,8 +14,8 @@ pub(crate) struct RegionArguments {
     /// those below them), NAME=material:A,B or NAME=mask:IMG@CAM.json (as --detail-mask); repeatable, the first wins.
     #[arg(long, value_name = "NAME=CHOICE")]
     region: Vec<Named<Chosen>>,
-    /// Times as many Gaussians on a region's area as its error asks for, of the same --gaussians; repeatable
-    /// [default: 1, and an importance weight by how much it moves].
+    /// Times as many Gaussians on a region's area as its error asks for, of the same --gaussians, and the weight that
+    /// the file tells; repeatable [default: 1; the file tells a weight by how much the region moves].
     #[arg(long, value_name = "NAME=X")]
     region_weight: Vec<Named<Weight>>,
 }

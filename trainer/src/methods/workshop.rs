@@ -126,7 +126,7 @@ impl<'a> Workshop<'a> {
         if self.options.survey_steps > 0 {
             self.weigh_by_residual()?;
         }
-        // A survey would undo in part what it had found so.
+        // Not before the survey: under w times the density it would find 1 / w of the error, and take √w back.
         self.parts.regions.thicken(&mut self.weights);
         self.spread_out(layers, spread_over)
     }

@@ -83,7 +83,7 @@ impl Mover<'_> {
             gradients,
         };
         let mut levels =
-            (levels.iter_mut().zip(moments).zip(sigmas)).map(|((parameters, moments), sigmas)| {
+            levels.iter_mut().zip(moments).zip(sigmas).map(|((parameters, moments), sigmas)| {
                 let chunks = parameters.chunks_mut(CHUNK).zip(moments.chunks_mut(CHUNK));
                 chunks.zip(sigmas.chunks(CHUNK)).map(|((parameters, moments), sigmas)| Neighbours {
                     parameters,
