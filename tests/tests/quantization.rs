@@ -36,7 +36,7 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
 fn the_last_steps_draw_what_is_read() {
     let (_, trained) = trained_demo(&options(2000, 20));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
-    let drawn = as_stored(&trained.cloud).expect("it can be written");
+    let drawn = as_stored(&trained.clouds[0]).expect("it can be written");
     for (level, drawn) in (0..).zip(&drawn.levels) {
         let blocks = avatar.blocks_at(|_| Levels { upper: level, lower: None });
         let read: Vec<Disc> = (blocks.take_while(|block| block.layer <= level))
@@ -74,7 +74,7 @@ fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
     all.push(Parameters { color: [60.0; 3], logit: -12.0, ..Parameters::default() });
     let seed = |parameters| Seed { triangle: 0, parameters, freedom: Freedom::Free };
     let seeds: Vec<Seed> = all.into_iter().map(seed).collect();
-    let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
+    let clouds = [Cloud::arrange(vec![seeds.len() as u32], &seeds)];
     let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
     let stage = Stage {
         frames: vec![Frame::of_triangle(FrameKind::Area, corners)],
@@ -90,8 +90,8 @@ fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
         world_to_camera: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 2.0]],
     };
     let low_pass = LowPass::Compensated;
-    let prefix = Prefix::of(cloud.len() as u32, &cloud);
-    let over = |background| draw(&cloud, prefix, &stage, &camera, low_pass, background).picture;
+    let prefixes = [Prefix::of(clouds[0].len() as u32, &clouds[0])];
+    let over = |background| draw(&clouds, &prefixes, &stage, &camera, low_pass, background).picture;
     let (white, black) = (over(WHITE), over([0.0; 3]));
     let coverage = white.rgb.iter().zip(&black.rgb).map(|(w, b)| 1.0 - (w[0] - b[0])).collect();
     let truth = Truth { picture: white, coverage, seen: Vec::new() };
@@ -109,7 +109,7 @@ fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
     // The error that two steps find, and the cloud after them.
     let after = |finish: f32| {
         let schedule = Schedule { finish, warm_up: 0.0, ..options(0, 2).schedule(Prefixes::All) };
-        let mut descent = Descent::new(cloud.clone(), &problem, &schedule, Random::new(1));
+        let mut descent = Descent::new(clouds.to_vec(), &problem, &schedule, Random::new(1));
         let advance = descent.advance().expect("its picture is in memory");
         (advance.compared.mse, descent.finish().0)
     };
@@ -117,7 +117,8 @@ fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
     println!("{exact:.2e} before rounding, {rounded:.2e} after");
     assert!(rounded > 1e-4 && rounded > 20.0 * exact, "{exact:.2e} {rounded:.2e}");
     let code = 60.0 / 255.0;
-    let pairs = moved.full().iter().zip(cloud.full()).filter(|(_, before)| before.color[0] < 1.0);
+    let pairs =
+        moved[0].full().iter().zip(clouds[0].full()).filter(|(_, before)| before.color[0] < 1.0);
     let steps = pairs.map(|(after, before)| (after.color[0] - before.color[0]).abs());
     let steps: Vec<f32> = steps.filter(|&step| step > 0.0).collect();
     assert!(steps.len() > 140, "{} of 150 colours move", steps.len());
