@@ -70,10 +70,10 @@ fn layered() -> Source {
         gaussians: Gaussians::Full(fulls(random)),
         triangles: in_blocks(|| first + random.below(half)),
         later_opacities: later_opacities(random),
-        levels: Vec::new(),
         harmonics: (0..LAYERS.iter().sum())
             .map(|_| (0..HARMONICS).map(|_| 0.24 * random.unit() - 0.12).collect())
             .collect(),
+        ..Region::default()
     };
     let regions = vec![region("lower", 0, &mut random), region("upper", half, &mut random)];
     Source {
