@@ -134,7 +134,7 @@ fn a_file_is_drawn_as_training_draws_it() {
         let prefixes: Vec<Prefix> =
             counts.iter().zip(&trained.clouds).map(|(&n, cloud)| Prefix::of(n, cloud)).collect();
         let drawn =
-            forward::draw(&trained.clouds, &prefixes, &stage, &camera, LowPass::Compensated, WHITE);
+            forward::draw(&trained.clouds, &prefixes, &stage, &camera, LowPass::Pixel, WHITE);
         let of_counts =
             drawn.regions.iter().zip(counts).all(|(drawn, count)| drawn.len() <= count as usize);
         assert!(

@@ -76,7 +76,8 @@ pub fn mobilities(
         })
         .collect();
     let mean = |region: usize| {
-        let sum: f64 = speeds.iter().map(|speeds| speeds[region]).sum();
+        // From +0: an empty sum is −0.
+        let sum = speeds.iter().fold(0.0, |sum, speeds| sum + speeds[region]);
         ((sum / speeds.len().max(1) as f64) as f32).min(FASTEST)
     };
     (0..regions.len()).map(mean).collect()
