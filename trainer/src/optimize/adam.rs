@@ -76,8 +76,9 @@ impl Moments {
         sigma: f32,
     ) {
         self.decay = [self.decay[0] * BETA1, self.decay[1] * BETA2];
+        // Roots are exact by IEEE 754; libm's would be scalar, and of an older encoding that AVX waits for.
         // Of rate · (m / (1 − β₁ᵗ)) / (√(v / (1 − β₂ᵗ)) + ε), what all parameters share.
-        let root = libm::sqrtf(1.0 - self.decay[1]);
+        let root = (1.0 - self.decay[1]).sqrt();
         let (correction, epsilon) = (root / (1.0 - self.decay[0]), EPSILON * root);
         let mut values = parameters.to_array();
         let rates = rates.times(correction).array(sigma);
@@ -85,7 +86,7 @@ impl Moments {
             let g = gradient[i];
             self.first[i] = BETA1 * self.first[i] + (1.0 - BETA1) * g;
             self.second[i] = BETA2 * self.second[i] + (1.0 - BETA2) * g * g;
-            values[i] -= rates[i] * self.first[i] / (libm::sqrtf(self.second[i]) + epsilon);
+            values[i] -= rates[i] * self.first[i] / (self.second[i].sqrt() + epsilon);
         }
         *parameters = Parameters::from_array(values);
     }
