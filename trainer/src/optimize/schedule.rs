@@ -91,7 +91,7 @@ pub struct Nested {
     /// The least prefix, as a share of all; others are log-uniform between it and all.
     pub least: f32,
     /// Share of the steps of a quarter of all that match pictures of half the size, twice as many of a sixteenth at a
-    /// quarter, and so on to [`MOST_HALVINGS`]: few Gaussians are looked at from afar, and sometimes from nearby.
+    /// quarter, and so on to an eighth: few Gaussians are looked at from afar, and sometimes from nearby.
     pub afar: f32,
     /// Share of the steps in which each region draws what it draws by itself; in the others all have the same share.
     pub apart: f32,
