@@ -91,7 +91,7 @@ impl Options {
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: true,
-            nested: Nested { whole: 0.25, level: 0.25, least: 1.0 / 64.0, afar: 0.12, apart: 0.25 },
+            nested: Nested { whole: 0.25, level: 0.15, least: 1.0 / 64.0, afar: 0.12, apart: 0.25 },
             detail: Detail::default(),
             regions: Vec::new(),
             memory_bytes: 2048 << 20,
