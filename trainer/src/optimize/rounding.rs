@@ -1,8 +1,9 @@
 //! What a file would hold of a cloud.
 //!
-//! Training that ends on rounded Gaussians makes up for the rounding: the picture is that of the file, and its gradient
-//! passes straight through the rounding to the numbers before it (the straight-through estimator; Bengio, Léonard and
-//! Courville 2013). Ranges and codes are the writer's own, of the cloud as it is at each step.
+//! Training that ends on rounded Gaussians matches the picture of the file; the gradient passes straight through the
+//! rounding to the numbers before it (the straight-through estimator; Bengio, Léonard and Courville 2013). Ranges and codes
+//! are the writer's own, of the cloud as it is at each step. With codes of 8 bits, which cost 0.005 dB at most, there is next to
+//! nothing to win; with 5 and 4 bits it lost 0.1 dB (notes/training.md).
 
 use anyhow::{Context, Result};
 use dermis_format::{Disc, order, writer};
