@@ -9,7 +9,7 @@ pub const MAX_REGIONS: usize = 32;
 /// At most this many layers.
 pub const MAX_LAYERS: usize = 16;
 
-/// How a posed triangle gives a coordinate system. A Gaussian's position and scales are in units
+/// How a posed triangle gives a coordinate system. But in Affine a Gaussian's position and scales are in units
 /// of the frame's size, so that `X' = size · R · X + T` (LoDAvatar, eq. 5, whose k · X equals
 /// `size · X` here: the rest size is divided out once, when the file is written).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -21,6 +21,9 @@ pub enum FrameKind {
     /// GaussianAvatars: T = centroid, x = unit(v1 − v0), y = unit normal, z = x × y, size =
     /// (|v1 − v0| + |z · (v2 − v0)|) / 2.
     Edge,
+    /// What takes an equilateral triangle of area 1 to this one: Gaussians shear and stretch with it, and neighbours that
+    /// met at rest meet in every pose. T = centroid, x along v0 − T, y along v1 − v2, z = √area · unit normal.
+    Affine,
 }
 
 /// How a Gaussian is stored.

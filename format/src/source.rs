@@ -37,7 +37,7 @@ pub struct Mathematics {
 impl Default for Mathematics {
     fn default() -> Self {
         Self {
-            frame: FrameKind::Area,
+            frame: FrameKind::Affine,
             low_pass: LowPass::Pixel,
             scale_law: ScaleLaw::SquareRoot,
             harmonics_degree: 0,

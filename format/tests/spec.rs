@@ -75,7 +75,7 @@ fn the_worked_bytes_say_what_the_text_says() {
     assert_eq!((header.vertices, header.triangles, header.gaussians), (3, 1, 2));
     assert_eq!((header.joints, header.binds, header.morph_targets, header.clips), (0, 0, 0, 0));
     assert_eq!((header.regions, header.layers, header.harmonics_degree), (1, 1, 0));
-    assert_eq!((header.frame, header.record), (FrameKind::Area, RecordKind::Disc));
+    assert_eq!((header.frame, header.record), (FrameKind::Affine, RecordKind::Disc));
     assert_eq!(header.low_pass, LowPass::Pixel);
     assert_eq!(header.scale_law, ScaleLaw::SquareRoot);
     assert_eq!(header.per_level, PerLevel::Nothing);

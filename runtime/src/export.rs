@@ -1,10 +1,12 @@
 //! Posed Gaussians for the caller's own renderer, in place of pixels.
 
 use bytemuck::{Pod, Zeroable};
+use dermis_format::FrameKind;
 
 use crate::error::{Buffer, Error};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
+use crate::math::{Real, add, dot, scale, sub};
 use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::select::{Harmonics, Local, Place, for_each_block, for_each_of_block};
@@ -116,13 +118,14 @@ impl Posed<'_, '_> {
             Sides::Seen => self.shows(triangle, eye),
             Sides::All => true,
         };
+        let kind = self.avatar().header().frame;
         let mut written = 0;
         for_each_block(self.avatar(), plan, |block, region, drawn| {
             for_each_of_block(block, region, drawn, shows, |place| {
                 let frame = place.triangle.map_or(Some(Frame::world()), |t| self.frame(t));
                 if let Some(slot) = to.get_mut(written)
                     && let Some(frame) = frame
-                    && let Some(gaussian) = pose(&place, &frame, eye)
+                    && let Some(gaussian) = pose(&place, kind, &frame, eye)
                 {
                     *slot = gaussian;
                     written += 1;
@@ -133,12 +136,38 @@ impl Posed<'_, '_> {
     }
 }
 
+/// Orthogonal axes of the same covariance, which a projection does not ask for, but renderers with a rotation and scales
+/// do: one rotation of Jacobi's.
+fn orthogonal([a, b]: [[f32; 3]; 2]) -> [[f32; 3]; 2] {
+    let (aa, ab, bb) = (dot(a, a), dot(a, b), dot(b, b));
+    // In parts of both, so that no square of these over- or underflows.
+    let both = aa + bb;
+    let (twice, difference) = (2.0 * ab / both, (bb - aa) / both);
+    // Neither NaN nor what rounding leaves.
+    if !(twice.abs() > f32::EPSILON) {
+        return [a, b];
+    }
+    let root = Real::sqrt(difference * difference + twice * twice);
+    let tangent = twice / (difference + root.copysign(difference));
+    let cosine = 1.0 / Real::sqrt(1.0 + tangent * tangent);
+    let sine = tangent * cosine;
+    [sub(scale(a, cosine), scale(b, sine)), add(scale(a, sine), scale(b, cosine))]
+}
+
 /// A Gaussian of the file on the frame of its triangle.
-fn pose(place: &Place<'_, '_>, frame: &Frame<f32>, eye: [f32; 3]) -> Option<PosedGaussian> {
+fn pose(
+    place: &Place<'_, '_>,
+    kind: FrameKind,
+    frame: &Frame<f32>,
+    eye: [f32; 3],
+) -> Option<PosedGaussian> {
     let selected = place.decode()?;
     match &selected.gaussian {
         Local::Disc(disc) => {
-            let ellipsoid = disc_on(frame, disc.position, disc.angle, disc.log2_scale);
+            let mut ellipsoid = disc_on(frame, disc.position, disc.angle, disc.log2_scale);
+            if kind == FrameKind::Affine {
+                ellipsoid.axes = orthogonal(ellipsoid.axes);
+            }
             PosedGaussian::new(&ellipsoid, disc.opacity, disc.color, &selected.harmonics, eye)
         }
         Local::Full(full) => {

@@ -4,15 +4,21 @@ use dermis_format::FrameKind;
 
 use crate::math::{Real, Scalar, add, cross, dot, each, scale, sub};
 
+/// 1 / (distance of a corner from the centroid of an equilateral triangle of area 1) = √(3√3) / 2.
+const PER_ARM: f32 = 1.139_753_5;
+/// 1 / (its side) = √(√3) / 2.
+const PER_SIDE: f32 = 0.658_037;
+
 /// A coordinate system: `world = x · X₀ + y · X₁ + z · X₂ + origin`. The axes are orthogonal and
-/// as long as the frame's size, metres.
+/// as long as the frame's size, metres; but x and y of [`FrameKind::Affine`] are any two that span the triangle's
+/// plane, and the root of the area that they span is the size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame<R> {
     /// First axis, in the triangle's plane.
     pub x: [R; 3],
     /// Second axis.
     pub y: [R; 3],
-    /// Third axis; along the normal for [`FrameKind::Area`].
+    /// Third axis; along the normal but for [`FrameKind::Edge`].
     pub z: [R; 3],
     /// World, metres.
     pub origin: [R; 3],
@@ -24,7 +30,9 @@ impl<R: Real> Frame<R> {
     ///
     /// Area (LoDAvatar, eq. 5): origin T = centroid, z = unit normal, x = unit(v0 − T), y = z × x,
     /// size = √area. Edge (GaussianAvatars): T = centroid, x = unit(v1 − v0), y = unit normal,
-    /// z = −unit(y × x), size = (|v1 − v0| + |z · (v2 − v0)|) / 2.
+    /// z = −unit(y × x), size = (|v1 − v0| + |z · (v2 − v0)|) / 2. Affine: what takes the equilateral triangle of area 1
+    /// about the origin, a corner on the first axis, to this one; z = √area · unit normal. Then a map of the plane that
+    /// takes triangle to triangle takes Gaussians along, and no crack opens where a mesh shears or stretches.
     #[inline(always)]
     pub fn of_triangles(kind: FrameKind, [v0, v1, v2]: [[R; 3]; 3]) -> (Self, R::Mask) {
         let constant = |x: f32| v0[0].like(x);
@@ -48,25 +56,32 @@ impl<R: Real> Frame<R> {
         let double_area = dot(normal, normal).sqrt();
         let first = match kind {
             FrameKind::Edge => e1,
-            FrameKind::Area | FrameKind::World => arm,
+            FrameKind::Area | FrameKind::Affine | FrameKind::World => arm,
         };
         let first_length = dot(first, first).sqrt();
         let spans = zero.below(unit) & zero.below(double_area) & zero.below(first_length);
         let normal = scale(normal, one / double_area);
-        let first = scale(first, one / first_length);
-        let (x, y, z, size) = match kind {
+        let root_area = (double_area * half).sqrt();
+        let unit_first = || scale(first, one / first_length);
+        let (axes, lengths) = match kind {
             FrameKind::Edge => {
+                let first = unit_first();
                 let height = cross(first, normal);
                 let size = (first_length + dot(height, e2).abs()) * half;
-                (first, normal, height, size)
+                ([first, normal, height], [size; 3])
             }
             FrameKind::Area | FrameKind::World => {
-                (first, cross(normal, first), normal, (double_area * half).sqrt())
+                let first = unit_first();
+                ([first, cross(normal, first), normal], [root_area; 3])
+            }
+            FrameKind::Affine => {
+                ([arm, sub(e1, e2), normal], [constant(PER_ARM), constant(PER_SIDE), root_area])
             }
         };
-        let size = size * unit;
-        let frame = Self { x: scale(x, size), y: scale(y, size), z: scale(z, size), origin };
-        (frame, finite & spans & zero.below(size) & size.finite())
+        let [lx, ly, lz] = scale(lengths, unit);
+        let [x, y, z] = axes;
+        let frame = Self { x: scale(x, lx), y: scale(y, ly), z: scale(z, lz), origin };
+        (frame, finite & spans & zero.below(lz) & lz.finite())
     }
 
     /// A local point in the world.
@@ -86,7 +101,23 @@ impl<R: Real> Frame<R> {
     pub fn normal(&self, kind: FrameKind) -> [R; 3] {
         match kind {
             FrameKind::Edge => self.y,
-            FrameKind::Area | FrameKind::World => self.z,
+            FrameKind::Area | FrameKind::Affine | FrameKind::World => self.z,
+        }
+    }
+
+    /// The greatest length, metres, of what is 1 long in the frame, up to rounding.
+    #[inline(always)]
+    pub fn reach(&self, kind: FrameKind) -> R {
+        let xx = dot(self.x, self.x);
+        match kind {
+            FrameKind::Edge | FrameKind::Area | FrameKind::World => xx.sqrt(),
+            // The greater singular value of [x y]; z is not longer.
+            FrameKind::Affine => {
+                let (xy, yy) = (dot(self.x, self.y), dot(self.y, self.y));
+                let (gap, twice) = (xx - yy, xy + xy);
+                let root = (gap * gap + twice * twice).sqrt();
+                ((xx + yy + root) * xx.like(0.5)).sqrt()
+            }
         }
     }
 
@@ -163,6 +194,65 @@ mod tests {
         let [a, b, c] = TRIANGLE;
         let n = cross(sub(b, a), sub(c, a));
         assert!((dot(f.x, f.x) - dot(n, n).sqrt() / 2.0).abs() < 1e-12);
+    }
+
+    /// What a map of the plane does to a triangle it does to all that stands on its affine frame.
+    #[test]
+    fn the_affine_frame_takes_an_equilateral_triangle_of_area_1_to_its_own() {
+        let f = Frame::of_triangle(FrameKind::Affine, TRIANGLE).unwrap();
+        let side = (4.0 / 3f64.sqrt()).sqrt();
+        let arm = side / 3f64.sqrt();
+        let reference =
+            [[arm, 0.0, 0.0], [-arm / 2.0, side / 2.0, 0.0], [-arm / 2.0, -side / 2.0, 0.0]];
+        for (corner, local) in TRIANGLE.into_iter().zip(reference) {
+            let error = sub(f.point(local), corner);
+            assert!(dot(error, error).sqrt() < 1e-7, "{error:?}: PER_ARM and PER_SIDE are f32");
+        }
+        let area_frame = Frame::of_triangle(FrameKind::Area, TRIANGLE).unwrap();
+        assert_eq!((f.z, f.origin), (area_frame.z, area_frame.origin));
+        let spanned = cross(f.x, f.y);
+        let square = dot(f.z, f.z);
+        assert!((dot(spanned, f.z) / (square * square.sqrt()) - 1.0).abs() < 1e-7);
+        let equilateral = Frame::of_triangle(FrameKind::Affine, reference).unwrap();
+        for (axis, unit) in [equilateral.x, equilateral.y, equilateral.z].into_iter().zip(0..) {
+            (0..3).for_each(|i| assert!((axis[i] - f64::from(u8::from(i == unit))).abs() < 1e-7));
+        }
+    }
+
+    /// Directions all around, on triangles from equilateral to slivers.
+    #[test]
+    fn nothing_of_length_1_is_longer_than_the_reach() {
+        for kind in [FrameKind::Area, FrameKind::Edge, FrameKind::Affine] {
+            for flatness in 0..40 {
+                let thin = 0.7f64.powi(flatness);
+                let corners = TRIANGLE.map(|[x, y, z]| [x + 0.3 * y, y * thin, z * thin]);
+                let f = Frame::of_triangle(kind, corners).unwrap();
+                let single =
+                    Frame::of_triangle(kind, corners.map(|c| c.map(|x| x as f32))).unwrap();
+                let mut greatest = 0.0f64;
+                for turn in 0..360 {
+                    for tilt in 0..=12 {
+                        let (s, c) = f64::from(turn).to_radians().sin_cos();
+                        let (up, flat) = f64::from(tilt * 90 / 12).to_radians().sin_cos();
+                        let [x, y, z] = match kind {
+                            FrameKind::Edge => [c * flat, up, s * flat],
+                            _ => [c * flat, s * flat, up],
+                        };
+                        let direction = f.direction([x, y, z]);
+                        greatest = greatest.max(dot(direction, direction).sqrt());
+                    }
+                }
+                let reach = f.reach(kind);
+                assert!(
+                    greatest <= reach * (1.0 + 1e-7) && greatest > 0.999 * reach,
+                    "{kind:?} {thin}: {greatest} {reach}"
+                );
+                assert!(
+                    (f64::from(single.reach(kind)) / reach - 1.0).abs() < 1e-5,
+                    "{kind:?} {thin}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::frame::Frame;
 use crate::frustum::Frustum;
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES, Row, load_rows};
-use crate::math::{dot, each};
+use crate::math::each;
 use crate::project::View;
 
 /// Frames of sixteen triangles: the first, second and third rows of four of their numbers; all zero
@@ -133,8 +133,8 @@ impl Work for FindVisible<'_, '_> {
             let mut at = 0;
             while at < MAX_LANES {
                 let (frame, exists) = block.load::<V>(token, at);
-                let size = dot(frame.x, frame.x).sqrt();
-                let misses = frustum.misses(frame.origin, size * offset, size * sigma);
+                let reach = frame.reach(kind);
+                let misses = frustum.misses(frame.origin, reach * offset, reach * sigma);
                 exist |= (V::bits(exists) & !V::bits(misses)) << at;
                 face |= V::bits(frame.faces(kind, eye)) << at;
                 at += V::LEN;

@@ -8,11 +8,13 @@ use crate::math::{Real, each, rotation_rows, scale};
 pub struct Ellipsoid<R, const N: usize> {
     /// Centre, metres.
     pub center: [R; 3],
-    /// Orthogonal; their lengths are the standard deviations, metres.
+    /// Metres. On frames with orthogonal axes they are orthogonal, and their lengths are the standard deviations; on
+    /// affine ones they are any that give Σ.
     pub axes: [[R; 3]; N],
 }
 
-/// X' = size · R · X + T, with axes σ₀(cos θ, sin θ, 0) and σ₁(−sin θ, cos θ, 0) in the frame.
+/// X' = F · X + T, F being the frame's axes (size · R where they are orthogonal), with axes
+/// σ₀(cos θ, sin θ, 0) and σ₁(−sin θ, cos θ, 0) in the frame.
 #[inline(always)]
 pub fn disc_on<R: Real>(
     frame: &Frame<R>,
@@ -36,7 +38,7 @@ pub fn disc_on<R: Real>(
     }
 }
 
-/// X' = size · R · X + T, with axes σᵢ · rotation · eᵢ in the frame.
+/// X' = F · X + T, with axes σᵢ · rotation · eᵢ in the frame.
 #[inline(always)]
 pub fn full_on<R: Real>(
     frame: &Frame<R>,

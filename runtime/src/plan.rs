@@ -14,8 +14,8 @@ pub struct RegionPlan {
     pub level: i32,
     /// Share of the next layer that is drawn, in [0, 1).
     pub fraction: f32,
-    /// Added to log₂ of every scale: ½ log₂(N / k) or 0. With parameters per level, of scales that arrive:
-    /// ½ log₂(n / k) with n Gaussians at the level [`Levels::upper`].
+    /// Added to log₂ of every scale: ½ log₂(N / k) or 0. With parameters per level: of the first level alone, N being
+    /// its Gaussians.
     pub log2_scale: f32,
     /// With parameters per level the first level that holds `count` Gaussians, and the one below where
     /// that matters.
@@ -153,16 +153,17 @@ impl RegionPlan {
             len += layer_len;
             if self.count <= len {
                 self.levels.upper = layer;
-                self.log2_scale = prefix_log2_scale(self.count, len);
                 break;
             }
             lower = Some((layer, len));
         }
-        if let Some((lower, lower_len)) = lower
-            && self.log2_scale > 0.0
-        {
-            self.levels.lower = Some(lower);
-            self.lower_share = self.log2_scale / prefix_log2_scale(lower_len, len);
+        match lower {
+            None => self.log2_scale = prefix_log2_scale(self.count, len),
+            Some((lower, lower_len)) if self.count < len => {
+                self.levels.lower = Some(lower);
+                self.lower_share = lower_share(self.count, [lower_len, len]);
+            }
+            Some(_) => {}
         }
     }
 }
@@ -179,4 +180,19 @@ fn collected<T>(items: impl Iterator<Item = T>) -> heapless::Vec<T, MAX_REGIONS>
 /// log₂ of √(N / k), by which a prefix of k out of N widens its Gaussians; 0 for an empty one.
 pub fn prefix_log2_scale(count: u32, len: u32) -> f32 {
     if count == 0 || count >= len { 0.0 } else { 0.5 * libm::log2f(len as f32 / count as f32) }
+}
+
+/// How far Gaussians of a level of n′ have gone there from the next one, of n, in a prefix of k, n′ ≤ k ≤ n: in [0, 1].
+///
+/// Who arrives is as wide as at the level of n, and stands for 1 / n of the surface; the others fill what is left:
+/// were they √(n / n′) times wider at their own level, each would cover (n − (k − n′)) / n′ times as much as at the
+/// other one. Of log₂ of that factor the share is the part that is gone.
+pub fn lower_share(count: u32, [lower, upper]: [u32; 2]) -> f32 {
+    let absent = upper.saturating_sub(count);
+    if absent == 0 || lower == 0 {
+        return 0.0;
+    }
+    // Sums in f64: f32 cannot hold counts of more than 2²⁴.
+    let times = |count: u32| (f64::from(count) / f64::from(lower)) as f32;
+    (libm::log2f(1.0 + times(absent)) / libm::log2f(times(upper))).clamp(0.0, 1.0)
 }

@@ -61,7 +61,7 @@ fn random_disc(random: &mut Random) -> (View<f64>, Frame<f64>, [f64; 6]) {
     };
     let size = between(random, 0.01, 0.2);
     let corners = [0; 3].map(|_| [0; 3].map(|_| f64::from(size * between(random, -1.0, 1.0))));
-    let frame = Frame::of_triangle(FrameKind::Area, corners).expect("corners are random");
+    let frame = Frame::of_triangle(FrameKind::Affine, corners).expect("corners are random");
     let parameters = [
         between(random, -1.0, 1.0),
         between(random, -1.0, 1.0),
@@ -193,7 +193,7 @@ impl Scene {
                 Seed { triangle: i % 4, parameters, freedom: Freedom::Free }
             })
             .collect();
-        let frame = |c: &[[f32; 3]; 3]| Frame::of_triangle(FrameKind::Area, *c);
+        let frame = |c: &[[f32; 3]; 3]| Frame::of_triangle(FrameKind::Affine, *c);
         let stage =
             Stage { frames: corners.iter().map(frame).collect(), two_sided: Box::new([false; 4]) };
         let pixels = (SIZE * SIZE) as usize;
@@ -281,7 +281,7 @@ impl Scene {
                 }
                 let triangle = self.cloud.triangles[index] as usize;
                 let corners = self.corners[triangle].map(|c| c.map(f64::from));
-                let frame = Frame::of_triangle(FrameKind::Area, corners).expect("it has an area");
+                let frame = Frame::of_triangle(FrameKind::Affine, corners).expect("it has an area");
                 let geometry = [p[0], p[1], p[2], p[3], p[4], p[5]];
                 let mut splat = screen(&view, self.low_pass, &frame, geometry);
                 splat[5] += p[6].log2();

@@ -2,7 +2,6 @@
 
 use std::slice;
 
-use dermis_format::source::Mathematics;
 use dermis_format::{LowPass, PerLevel, ScaleLaw, section};
 use dermis_runtime::plan::prefix_log2_scale;
 use dermis_runtime::{Avatar, Camera, Plan, Pose};
@@ -14,7 +13,7 @@ use dermis_trainer::draw::{draw, rgb_of};
 use dermis_trainer::eval::bytes_of;
 use dermis_trainer::methods::Method;
 use dermis_trainer::metrics::psnr::psnr_db;
-use dermis_trainer::optimize::cloud::{Cloud, Prefix};
+use dermis_trainer::optimize::cloud::{Cloud, Freedom, Parameters, Prefix, Seed};
 use dermis_trainer::optimize::forward::{self, Stage};
 use dermis_trainer::options::Options;
 use dermis_trainer::orbit::Orbit;
@@ -46,9 +45,9 @@ fn leveled_cloud() -> Cloud {
 }
 
 fn packed(cloud: &Cloud, scale_law: ScaleLaw) -> Vec<u8> {
-    let source = package::rigged_mesh(&demo_avatar());
-    let mathematics = Mathematics { scale_law, ..Mathematics::default() };
-    package::encode(&package::with_gaussians(source, slice::from_ref(cloud), mathematics))
+    let mut source = package::rigged_mesh(&demo_avatar());
+    source.mathematics.scale_law = scale_law;
+    package::encode(&package::with_gaussians(source, slice::from_ref(cloud)))
         .expect("a valid cloud")
 }
 
@@ -111,9 +110,9 @@ fn a_packed_cloud_is_drawn_as_training_draws_it() {
     assert_eq!(bytes, packed(&cloud, ScaleLaw::Constant));
 }
 
-/// Levels that are nothing but wider are the prefixes of one level.
+/// Levels that are nothing but wider: whole levels, and prefixes of the first, are those of one level.
 #[test]
-fn levels_that_are_only_wider_change_no_picture() {
+fn levels_that_are_only_wider_change_no_level() {
     let (_, trained) = trained_demo(&Options { per_level: false, ..options(2000, 150) });
     let one = Avatar::parse(&trained.bytes).expect("a valid file");
     assert_eq!(one.header().per_level, PerLevel::Nothing);
@@ -121,11 +120,30 @@ fn levels_that_are_only_wider_change_no_picture() {
     cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
     let bytes = packed(&cloud, ScaleLaw::SquareRoot);
     let avatar = Avatar::parse(&bytes).expect("a valid file");
-    for count in counts(&cloud) {
+    let levels = cloud.levels.iter().map(|level| level.len() as u32);
+    for count in levels.chain([cloud.levels[0].len() as u32 / 2]) {
         let psnr =
             between(&drawn(&avatar, count), &drawn_by_training(&one, &trained.clouds[0], count));
         println!("{count} Gaussians: {psnr:.1} dB");
         assert!(psnr > 45.0, "{count} Gaussians: {psnr:.1} dB");
+    }
+}
+
+/// Between such levels the areas of all Gaussians add up to the same surface at every count.
+#[test]
+fn every_prefix_covers_the_surface() {
+    let seed = Seed { triangle: 0, parameters: Parameters::default(), freedom: Freedom::Free };
+    let mut cloud = Cloud::arrange(vec![60, 0, 140, 600], &[seed; 800]);
+    cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
+    for count in 1..=800 {
+        let prefix = Prefix::of(count, &cloud);
+        let drawn = (0..cloud.len()).filter(|&index| cloud.ranks[index] < count);
+        let area = |index| {
+            let [s, t] = cloud.disc(&prefix, index).log2_scale;
+            f64::from(s + t).exp2()
+        };
+        let covered: f64 = drawn.map(area).sum();
+        assert!((covered / 800.0 - 1.0).abs() < 1e-4, "{count}: {covered}");
     }
 }
 

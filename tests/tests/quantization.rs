@@ -77,7 +77,7 @@ fn a_finish_sees_the_rounding_and_moves_what_is_not_rounded() {
     let clouds = [Cloud::arrange(vec![seeds.len() as u32], &seeds)];
     let corners = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
     let stage = Stage {
-        frames: vec![Frame::of_triangle(FrameKind::Area, corners)],
+        frames: vec![Frame::of_triangle(FrameKind::Affine, corners)],
         two_sided: Box::new([false]),
     };
     let camera = Camera {

@@ -58,10 +58,9 @@ pub fn with_regions(mut source: Source, regions: &Regions) -> Source {
 ///
 /// Those of a cloud of several levels come with parameters of their own at each, and the law by which such
 /// clouds are drawn; under a constant law, where levels differ in opacity alone, with opacities (LapisGS).
-pub fn with_gaussians(mut source: Source, clouds: &[Cloud], mathematics: Mathematics) -> Source {
-    source.mathematics = mathematics;
-    let with_opacities =
-        mathematics.scale_law == ScaleLaw::Constant && clouds.iter().all(differ_in_opacity_alone);
+pub fn with_gaussians(mut source: Source, clouds: &[Cloud]) -> Source {
+    let constant = source.mathematics.scale_law == ScaleLaw::Constant;
+    let with_opacities = constant && clouds.iter().all(differ_in_opacity_alone);
     for (region, cloud) in source.regions.iter_mut().zip(clouds) {
         region.layers = cloud.layers.clone();
         region.triangles = cloud.triangles.clone();

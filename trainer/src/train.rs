@@ -1,7 +1,6 @@
 //! Training: a mesh in, the bytes of an avatar out.
 
 use anyhow::{Result, ensure};
-use dermis_format::source::Mathematics;
 use dermis_runtime::Pose;
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +60,7 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     let parts = Parts::choose(model, options)?;
     let key_frames = key_frames(model, options)?;
     let mut source = package::with_regions(package::rigged_mesh(model), &parts.regions);
+    source.mathematics = options.method.mathematics();
     source.key_frames = package::key_frames(&key_frames);
     let (views, seen) = truth::observe(&painter, &key_frames, options)?;
     ensure!(
@@ -73,9 +73,7 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         workshop.keep(journal);
     }
     let clouds = options.method.train(&mut workshop)?;
-    let scale_law = options.method.scale_law();
-    let mathematics = Mathematics { scale_law, ..Mathematics::default() };
-    let mut source = package::with_gaussians(source, &clouds, mathematics);
+    let mut source = package::with_gaussians(source, &clouds);
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);
         for (region, importance) in source.regions.iter_mut().zip(importances) {

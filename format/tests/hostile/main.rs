@@ -165,6 +165,7 @@ fn header_bytes(header: &Header) -> Vec<u8> {
             FrameKind::World => 0,
             FrameKind::Area => 1,
             FrameKind::Edge => 2,
+            FrameKind::Affine => 3,
         },
         u8::from(record == RecordKind::Full),
         match low_pass {

@@ -50,8 +50,10 @@ fn kinds() -> impl Strategy<Value = Kind> {
     let frame = prop::sample::select(vec![
         (FrameKind::Area, false),
         (FrameKind::Edge, false),
+        (FrameKind::Affine, false),
         (FrameKind::Area, true),
         (FrameKind::Edge, true),
+        (FrameKind::Affine, true),
         (FrameKind::World, true),
     ]);
     let per_level = prop::sample::select(vec![PerLevel::Nothing, PerLevel::Opacity, PerLevel::All]);

@@ -4,6 +4,7 @@ use bytemuck::Zeroable;
 use dermis_format::source::Source;
 use dermis_format::{Disc, FrameKind, Full};
 use dermis_runtime::error::Buffer;
+use dermis_runtime::math::dot;
 use dermis_runtime::{
     Avatar, Camera, Error, Kernel, Plan, Pose, Posed, PosedGaussian, Prepared, Sides,
 };
@@ -115,6 +116,8 @@ fn exports_are_what_is_drawn() {
     discs.mathematics.low_pass = dermis_format::LowPass::Classic;
     discs.mesh.two_sided = vec![true; 40];
     check_against_splats(&discs, 260);
+    discs.mathematics.frame = FrameKind::Affine;
+    check_against_splats(&discs, 260);
     let full = |i: u32| Full {
         position: [0, 1, 2].map(|axis| random(i, axis) - 0.5),
         rotation: [0.5 + random(i, 3), random(i, 4) - 0.5, random(i, 5) - 0.5, random(i, 6) - 0.5],
@@ -127,6 +130,21 @@ fn exports_are_what_is_drawn() {
     fulls.regions[0].harmonics =
         (0..200).map(|i| (0..24).map(|salt| random(i, 20 + salt) - 0.5).collect()).collect();
     check_against_splats(&fulls, u32::MAX);
+}
+
+/// Renderers that take a rotation and scales need them, though an affine frame shears a disc's axes.
+#[test]
+fn axes_are_orthogonal_on_frames_of_any_kind() {
+    for frame in [FrameKind::Area, FrameKind::Affine] {
+        let mut discs = crowd();
+        discs.mathematics.frame = frame;
+        let gaussians = all(&discs, [0.0, 0.0, 2.0], Sides::All);
+        assert!(gaussians.len() > 300);
+        for PosedGaussian { axis_0: a, axis_1: b, axis_2, .. } in gaussians {
+            let cosine = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
+            assert!(cosine.abs() < 1e-3 && axis_2 == [0.0; 3], "{frame:?} {cosine}");
+        }
+    }
 }
 
 /// Numbers of one disc by hand: on a triangle whose frame is the world's.
@@ -221,7 +239,9 @@ fn exports_are_finite() {
     let odd = [f32::NAN, f32::INFINITY, 1e38, 1e30, 1e-30, 1e-40, 0.0];
     let mut edge = sheet(&[DOT]);
     edge.mathematics = plain(FrameKind::Edge);
-    for source in [sheet(&[DOT]), edge, rigged()] {
+    let mut affine = sheet(&[DOT]);
+    affine.mathematics = plain(FrameKind::Affine);
+    for source in [sheet(&[DOT]), edge, affine, rigged()] {
         let file = bytes(&source);
         let avatar = Avatar::parse(&file).unwrap();
         let plan = Plan::with_budget(&avatar, u32::MAX);

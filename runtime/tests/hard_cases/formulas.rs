@@ -45,10 +45,10 @@ fn the_edge_frame_is_gaussian_avatars() {
     }
 }
 
-/// The front is where corners stand counter-clockwise, on Edge frames as on Area frames.
+/// The front is where corners stand counter-clockwise, on frames of any kind.
 #[test]
-fn edge_frames_are_culled_from_behind() {
-    for frame in [FrameKind::Area, FrameKind::Edge] {
+fn all_frames_are_culled_from_behind() {
+    for frame in [FrameKind::Area, FrameKind::Edge, FrameKind::Affine] {
         let mut source = sheet(&[]);
         source.regions = cloud(&[BALL]).regions;
         source.regions[0].triangles = vec![0];

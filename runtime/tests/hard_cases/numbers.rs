@@ -315,17 +315,17 @@ proptest! {
         scale in prop::array::uniform3(-40f32..40.0),
         color in prop::array::uniform3(prop::sample::select(vec![-100f32, -0.1, 0.0, 0.5, 1.0, 100.0])),
         opacity in 0f32..=1.0,
-        kind in 0..3,
+        kind in prop::sample::select(vec![FrameKind::World, FrameKind::Area, FrameKind::Edge, FrameKind::Affine]),
         distance in prop::sample::select(vec![0.011f32, 0.5, 2.0, 1e3, 1e6]),
     ) {
         let full = Full { position, log2_scale: scale, color, opacity, rotation: [0.5, 0.5, -0.5, 0.5] };
         let mut source = cloud(&[full, BALL]);
-        if kind > 0 {
+        if kind != FrameKind::World {
             let regions = source.regions;
             source = sheet(&[]);
             source.regions = regions;
             source.regions[0].triangles = vec![0, 0];
-            source.mathematics.frame = if kind == 1 { FrameKind::Area } else { FrameKind::Edge };
+            source.mathematics.frame = kind;
         }
         let bytes = bytes(&source);
         let avatar = Avatar::parse(&bytes).unwrap();

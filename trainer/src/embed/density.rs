@@ -33,6 +33,8 @@ pub fn follow(residuals: &[f64], surface: &Surface, weights: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
+    use dermis_format::FrameKind;
+
     use super::*;
 
     #[test]
@@ -40,7 +42,8 @@ mod tests {
         // Two triangles of area ½ and one of area 2, none beside the others.
         let vertices =
             [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
-        let surface = Surface::new(&vertices, &[[0, 1, 2], [0, 1, 2], [0, 3, 4]]);
+        let surface =
+            Surface::new(FrameKind::Affine, &vertices, &[[0, 1, 2], [0, 1, 2], [0, 3, 4]]);
         let mut weights = [1.0; 3];
         follow(&[1.0, 4.0, 4.0], &surface, &mut weights);
         assert!((weights[1] / weights[0] - 2.0).abs() < 1e-5, "four times the error: {weights:?}");

@@ -156,6 +156,7 @@ impl Hierarchy {
 
 #[cfg(test)]
 mod tests {
+    use dermis_format::FrameKind;
     use glam::{Vec2, Vec3, Vec4};
 
     use super::{Hierarchy, gaussians_at_level, gaussians_of_detail};
@@ -210,7 +211,8 @@ mod tests {
     ) -> (Vec<u32>, Vec<Seed>) {
         let positions: Vec<_> = model.vertices.iter().map(|v| v.position.to_array()).collect();
         let corners: Vec<_> = model.triangles.iter().map(|t| t.corners).collect();
-        let (surface, painter) = (Surface::new(&positions, &corners), Painter::new(model));
+        let (surface, painter) =
+            (Surface::new(FrameKind::Area, &positions, &corners), Painter::new(model));
         let (mut hierarchy, mut seeds) =
             Hierarchy::base(&surface, &painter, &corners, positions.len());
         for step in 0..uniform + steps {

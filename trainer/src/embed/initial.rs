@@ -23,12 +23,13 @@ pub fn seed(
     let footprint = painter.footprint_of_share(triangle, share);
     let (color, coverage) = painter.surface_color(triangle, point.barycentrics, &footprint);
     let opacity = (OPACITY * coverage).clamp(0.01, OPACITY);
-    // In units of the frame's size √(triangle area) the spacing is √share.
+    // In units of √(triangle area) the spacing is √share.
     let log2_sigma = libm::log2f(SIGMA_PER_SPACING) + 0.5 * libm::log2f(share);
+    let (angle, round) = surface.round_disc(point.triangle);
     let parameters = Parameters {
         position: surface.local(point),
-        angle: 0.0,
-        log2_scale: [log2_sigma.clamp(-30.0, 30.0); 2],
+        angle,
+        log2_scale: round.map(|scale| (log2_sigma + scale).clamp(-30.0, 30.0)),
         logit: libm::logf(opacity / (1.0 - opacity)),
         color,
     };

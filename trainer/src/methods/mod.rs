@@ -17,7 +17,8 @@ pub use parts::Parts;
 pub use workshop::Workshop;
 
 use anyhow::Result;
-use dermis_format::ScaleLaw;
+use dermis_format::source::Mathematics;
+use dermis_format::{FrameKind, ScaleLaw};
 
 use crate::optimize::cloud::{Cloud, Freedom};
 
@@ -41,11 +42,13 @@ pub enum Method {
 }
 
 impl Method {
-    /// How a prefix widens its Gaussians.
-    pub fn scale_law(self) -> ScaleLaw {
+    /// What its Gaussians are meant for: ours widen in a prefix of the first level, LoDAvatar's stand on that paper's frames.
+    pub fn mathematics(self) -> Mathematics {
+        let usual = Mathematics { scale_law: ScaleLaw::Constant, ..Mathematics::default() };
         match self {
-            Self::Dermis => ScaleLaw::SquareRoot,
-            _ => ScaleLaw::Constant,
+            Self::Dermis => Mathematics::default(),
+            Self::Lodavatar => Mathematics { frame: FrameKind::Area, ..usual },
+            _ => usual,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, ensure};
 use dermis_format::Avatar;
-use dermis_format::source::{Importance, Mathematics, Source};
+use dermis_format::source::{Importance, Source};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
@@ -69,7 +69,7 @@ impl<'a> Workshop<'a> {
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
         let corners = source.mesh.triangles.clone();
-        let surface = Surface::new(rest.vertices(), &corners);
+        let surface = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
         let is_seen = |count: &SideCount| count.front + count.back > 0;
         let mut weights: Vec<f32> =
             seen.iter().map(|count| if is_seen(count) { 1.0 } else { UNSEEN_WEIGHT }).collect();
@@ -189,7 +189,7 @@ impl<'a> Workshop<'a> {
             stages: &self.stages,
             views: &self.views,
             background: self.options.background,
-            low_pass: Mathematics::default().low_pass,
+            low_pass: self.options.method.mathematics().low_pass,
             loss: self.options.loss,
             blend_price: self.options.blend_price,
         }

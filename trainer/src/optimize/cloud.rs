@@ -2,7 +2,7 @@
 
 use dermis_format::Disc;
 use dermis_runtime::mix::{between, mixed};
-use dermis_runtime::plan::prefix_log2_scale;
+use dermis_runtime::plan::{lower_share, prefix_log2_scale};
 use serde::{Deserialize, Serialize};
 
 /// Numbers that describe one disc.
@@ -211,7 +211,7 @@ pub struct Prefix {
     pub level: usize,
     /// How far Gaussians of the level below have gone there, in [0, 1).
     pub lower_share: f32,
-    /// Added to log₂ of the scales of all others.
+    /// Added to log₂ of the scales at the first level.
     pub log2_scale: f32,
 }
 
@@ -221,23 +221,23 @@ impl Prefix {
         clouds.iter().map(|cloud| Self::of(cloud.len() as u32, cloud)).collect()
     }
 
-    /// The first `count` of a cloud, all of it at most.
-    ///
-    /// With n(i) Gaussians at level i and n(i − 1) < k ≤ n(i), those that arrive are √(n(i) / k) times
-    /// wider than at level i, and the others log(n(i) / k) / log(n(i) / n(i − 1)) of the way from level i to
-    /// level i − 1: were that √(n(i) / n(i − 1)) times wider, all would have one factor.
+    /// The first `count` of a cloud, all of it at most. Those that arrive are as at their level, the others
+    /// [`lower_share`] of the way to the level below; at the first level all arrive, and are wider.
     pub fn of(count: u32, cloud: &Cloud) -> Self {
         let level = cloud.levels.iter().position(|level| level.len() >= count as usize);
         let level = level.unwrap_or(cloud.levels.len().saturating_sub(1));
         let len_of = |level: usize| cloud.levels.get(level).map_or(0, |level| level.len() as u32);
-        let log2_scale = prefix_log2_scale(count, len_of(level));
-        let lower_share = match level.checked_sub(1) {
-            Some(lower) if log2_scale > 0.0 => {
-                log2_scale / prefix_log2_scale(len_of(lower), len_of(level))
-            }
-            _ => 0.0,
+        let (lower_share, log2_scale) = match level.checked_sub(1) {
+            Some(lower) => (lower_share(count, [len_of(lower), len_of(level)]), 0.0),
+            None => (0.0, prefix_log2_scale(count, len_of(level))),
         };
         Self { count, level, lower_share, log2_scale }
+    }
+
+    /// Whether it is a whole level, each Gaussian as at that, or nothing.
+    pub fn is_level_of(&self, cloud: &Cloud) -> bool {
+        let whole = |level: &Vec<_>| level.len() == self.count as usize;
+        self.count == 0 || cloud.levels.get(self.level).is_none_or(whole)
     }
 
     /// What Gaussian `index` is at the level below, where that matters.
