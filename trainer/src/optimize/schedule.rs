@@ -90,9 +90,9 @@ pub struct Nested {
     pub level: f32,
     /// The least prefix, as a share of all; others are log-uniform between it and all.
     pub least: f32,
-    /// Share of the steps of a quarter of all that match pictures of half the size, twice as many of a sixteenth at a
-    /// quarter, and so on to an eighth: few Gaussians are looked at from afar, and sometimes from nearby.
-    pub afar: f32,
+    /// Of the steps that draw exactly a level of a quarter, a sixteenth, a 64th of all (or fewer), the share that match
+    /// pictures of 1/2, 1/4, 1/8 of the size: few Gaussians are looked at from afar, and sometimes from nearby.
+    pub afar: [f32; 3],
     /// Share of the steps in which each region draws what it draws by itself; in the others all have the same share.
     pub apart: f32,
 }
@@ -147,17 +147,19 @@ impl Schedule {
     }
 }
 
-/// A prefix is looked at in pictures of 1/2^this of the size at least.
-const MOST_HALVINGS: u32 = 3;
-
 impl Nested {
-    /// How often the sides of a picture of `prefixes` are halved: as often as all are quartered, or not at all.
+    /// How often the sides of a picture of `prefixes` are halved: if they are levels, as often as all are quartered, or
+    /// not at all.
     fn halvings(&self, clouds: &[Cloud], prefixes: &[Prefix], random: &mut Random) -> u32 {
+        if !prefixes.iter().zip(clouds).all(|(prefix, cloud)| prefix.is_level_of(cloud)) {
+            return 0;
+        }
         let all: u32 = clouds.iter().map(|cloud| cloud.len() as u32).sum();
         let drawn: u32 = prefixes.iter().map(|prefix| prefix.count).sum();
         let quarterings = (all / drawn.max(1)).max(1).ilog2() / 2;
-        let halvings = quarterings.min(MOST_HALVINGS);
-        if random.unit() < self.afar * halvings as f32 { halvings } else { 0 }
+        let halvings = quarterings.min(self.afar.len() as u32);
+        let afar = halvings.checked_sub(1).map_or(0.0, |at| self.afar[at as usize]);
+        if random.unit() < afar { halvings } else { 0 }
     }
 
     fn counts(&self, clouds: &[Cloud], random: &mut Random) -> Vec<u32> {
@@ -177,8 +179,10 @@ impl Nested {
         if draw < self.whole {
             clouds.iter().map(|cloud| cloud.len() as u32).collect()
         } else if draw < self.whole + self.level && earlier > 0 {
+            // The first one twice as often as each other: from afar its steps cost next to nothing.
+            let level = random.below(earlier + 1).saturating_sub(1) as usize;
             // Regions too small for the first levels come later.
-            let from_last = levels - random.below(earlier) as usize;
+            let from_last = levels - level;
             let count = |cloud: &Cloud| {
                 let level = cloud.levels.len().checked_sub(from_last);
                 level.map_or(0, |level| cloud.levels[level].len() as u32)
