@@ -1,20 +1,27 @@
-//! Makes the avatars of the conformance set:
-//! `cargo run --release -p dermis-tests --example conformance_avatars`.
+//! Makes the avatars of the conformance set that are named:
+//! `cargo run --release -p dermis-tests --example conformance_avatars -- layered leveled`.
 //!
 //! They are stored as bytes and made on demand only, so that neither training nor the encoder can
-//! change what the set draws. Renew the table of checksums afterwards (`tests/conformance`).
+//! change what the set draws. `figure` is of a trainer before parameters per level and affine frames, and is kept.
+//! Renew the table of checksums afterwards (`tests/conformance`).
 
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::{FrameKind, Full, LowPass, ScaleLaw, writer};
 use dermis_tests::files::workspace;
 use dermis_tests::small;
-use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::optimize::schedule::Random;
-use dermis_trainer::train::train;
+use dermis_trainer::options::Options;
 
 fn main() {
-    store("figure", &figure());
-    store("layered", &writer::encode(&layered()).expect("the source is valid"));
+    for name in std::env::args().skip(1) {
+        let bytes = match &name[..] {
+            "layered" => writer::encode(&layered()).expect("the source is valid"),
+            "leveled" => leveled(),
+            _ => panic!("{name} is none of layered, leveled"),
+        };
+        let path = workspace().join("tests/conformance/data").join(format!("{name}.dermis"));
+        std::fs::write(path, bytes).expect("the data folder can be written");
+    }
 }
 
 /// Sides of the layered avatar's column, and its rows.
@@ -25,22 +32,11 @@ const LAYERS: [u32; 3] = [40, 80, 160];
 /// Coefficients of harmonics of degree 3 beyond the constant, three channels each.
 const HARMONICS: usize = 45;
 
-fn store(name: &str, bytes: &[u8]) {
-    let path = workspace().join("tests/conformance/data").join(format!("{name}.dermis"));
-    std::fs::write(path, bytes).expect("the data folder can be written");
-}
-
-/// The built-in figure: discs in four layers, 18 joints, two morph targets, three clips, single-sided.
-fn figure() -> Vec<u8> {
-    let options = dermis_trainer::options::Options {
-        levels: 4,
-        key_frames: 3,
-        size: 240,
-        ..small::options(5_000, 600)
-    };
-    let trained = train(&demo_avatar(), &options).expect("the built-in avatar trains");
-    assert!(trained.bytes.len() < 150_000, "{} bytes", trained.bytes.len());
-    trained.bytes
+/// The built-in figure as it is trained: discs on affine frames, each level with parameters of its own, the low-pass of
+/// a pixel.
+fn leveled() -> Vec<u8> {
+    let options = Options { key_frames: 3, size: 240, ..small::options(1_500, 600) };
+    small::trained_demo(&options).1.bytes
 }
 
 /// What the figure leaves out: full Gaussians on edge frames of an unrigged mesh, two regions, harmonics

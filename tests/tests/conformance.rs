@@ -10,7 +10,7 @@ fn stored_avatars_cover_the_format() {
         let path = workspace().join("tests/conformance/data").join(format!("{name}.dermis"));
         std::fs::read(path).expect("the avatar is stored; the example conformance_avatars makes it")
     };
-    let (figure, layered) = (read("figure"), read("layered"));
+    let [figure, layered, leveled] = ["figure", "layered", "leveled"].map(read);
     let figure = *Avatar::parse(&figure).expect("stored avatars are valid").header();
     assert_eq!((figure.record, figure.frame), (RecordKind::Disc, FrameKind::Area));
     assert_eq!((figure.low_pass, figure.scale_law), (LowPass::Compensated, ScaleLaw::SquareRoot));
@@ -21,4 +21,8 @@ fn stored_avatars_cover_the_format() {
     assert_eq!((layered.low_pass, layered.scale_law), (LowPass::Classic, ScaleLaw::Constant));
     assert_eq!(layered.per_level, PerLevel::Opacity);
     assert!(layered.harmonics_degree == 3 && layered.regions == 2);
+    let leveled = *Avatar::parse(&leveled).expect("stored avatars are valid").header();
+    assert_eq!((leveled.record, leveled.frame), (RecordKind::Disc, FrameKind::Affine));
+    assert_eq!((leveled.low_pass, leveled.per_level), (LowPass::Pixel, PerLevel::All));
+    assert_eq!((leveled.gaussians, leveled.layers), (1500, 3));
 }

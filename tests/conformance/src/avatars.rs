@@ -7,6 +7,9 @@ pub enum File {
     /// four layers, 18 joints, two morph targets, the clips wave, walk and turn, single-sided,
     /// compensated low-pass.
     Figure,
+    /// The same figure on affine frames: 1,500 discs in three layers, each level with parameters of its own, the low-pass
+    /// of a pixel.
+    Leveled,
     /// A ribbon, 1.2 m high, upwards from the origin: 480 discs in three layers, two joints, one
     /// morph target, the clip bow, two-sided.
     Ribbon,
@@ -20,12 +23,14 @@ pub enum File {
 
 impl File {
     /// All of them.
-    pub const ALL: &[Self] = &[Self::Figure, Self::Ribbon, Self::Ball, Self::Layered];
+    pub const ALL: &[Self] =
+        &[Self::Figure, Self::Leveled, Self::Ribbon, Self::Ball, Self::Layered];
 
     /// Its bytes.
     pub const fn bytes(self) -> &'static [u8] {
         match self {
             Self::Figure => include_bytes!("../data/figure.dermis"),
+            Self::Leveled => include_bytes!("../data/leveled.dermis"),
             Self::Ribbon => include_bytes!("../../data/ribbon.dermis"),
             Self::Ball => include_bytes!("../../data/ball.dermis"),
             Self::Layered => include_bytes!("../data/layered.dermis"),

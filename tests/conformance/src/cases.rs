@@ -51,6 +51,7 @@ const FIGURE: Case = Case {
     padding: 0,
     background: WHITE,
 };
+const LEVELED: Case = Case { avatar: File::Leveled, ..FIGURE };
 const RIBBON: Case = Case {
     avatar: File::Ribbon,
     stand: Stand::Clip(0, 0.35),
@@ -75,6 +76,10 @@ const fn moved(name: &'static str, movement: Move) -> Case {
 
 const fn ribbon(name: &'static str, stand: Stand) -> Case {
     Case { name, stand, ..RIBBON }
+}
+
+const fn leveled(name: &'static str, stand: Stand) -> Case {
+    Case { name, stand, ..LEVELED }
 }
 
 const fn of(case: Case, name: &'static str, amount: Amount) -> Case {
@@ -178,6 +183,26 @@ pub const CASES: &[Case] = &[
     of(LAYERED, "layered_uneven", Amount::Counts(&[17, 200])),
     of(LAYERED, "layered_upper", Amount::Counts(&[0, 280])),
     Case { name: "layered_inside", view: cameras::AT_ORIGIN, ..LAYERED },
+    // Levels with parameters of their own, and between them; affine frames.
+    of(LEVELED, "leveled", ALL),
+    of(LEVELED, "leveled_40", Amount::Budget(40)),
+    of(LEVELED, "leveled_0", Amount::Level(0.0)),
+    of(LEVELED, "leveled_94", Amount::Budget(94)),
+    of(LEVELED, "leveled_0_7", Amount::Level(0.7)),
+    of(LEVELED, "leveled_1", Amount::Level(1.0)),
+    of(LEVELED, "leveled_376", Amount::Budget(376)),
+    of(LEVELED, "leveled_1499", Amount::Budget(1499)),
+    leveled("leveled_walk", Stand::Clip(1, 0.37)),
+    leveled("leveled_turn", Stand::Clip(2, 2.2)),
+    leveled("leveled_huge", Stand::Vertices(Move::Huge)),
+    leveled("leveled_tiny", Stand::Vertices(Move::Tiny)),
+    leveled("leveled_denormal", Stand::Vertices(Move::Denormal)),
+    leveled("leveled_flat", Stand::Vertices(Move::Flat)),
+    leveled("leveled_sliver", Stand::Vertices(Move::Sliver)),
+    leveled("leveled_sheared", Stand::Vertices(Move::Sheared)),
+    leveled("leveled_some_nan", Stand::Vertices(Move::SomeNan)),
+    Case { name: "leveled_near", view: cameras::NEAR, size: [130, 70], ..LEVELED },
+    Case { name: "leveled_far", view: cameras::FAR, ..LEVELED },
     of(BALL, "ball", ALL),
     of(BALL, "ball_50", Amount::Budget(50)),
     Case { name: "ball_inside", view: cameras::AT_ORIGIN, ..BALL },
