@@ -35,7 +35,8 @@ const AVATARS: [(&str, u32, u32); 6] = [
 ];
 
 /// Trains and measures the paper's avatars up to `greatest` Gaussians, and ours at the same counts: one nested
-/// file of as many as the greatest of them has. `detail` says what is detailed; each row has all steps of `options`.
+/// file of as many as the greatest of them has. `detail` says what is detailed (nothing: those avatars are left out);
+/// each row has all steps of `options`.
 pub fn tables(
     model: &Model,
     options: &Options,
@@ -46,6 +47,10 @@ pub fn tables(
 ) -> Result<Vec<Entry>> {
     let mut entries = Vec::new();
     for (name, level, detail_levels) in AVATARS {
+        // Without anything to detail they would be the uniform levels by another name.
+        if detail_levels > 0 && !detail.is_asked() {
+            continue;
+        }
         let detail = Detail { levels: detail_levels, ..detail.clone() };
         let detail = if detail_levels > 0 { detail } else { Detail::default() };
         let options =
