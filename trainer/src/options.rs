@@ -14,7 +14,7 @@ pub enum Preset {
     Draft,
     /// 14,500 steps of 540×540, 20 key frames: five minutes.
     Default,
-    /// 10,000 steps of 1080×1080, 20 key frames.
+    /// 10,000 steps of 1080×1080, 20 key frames: twenty minutes for 296,000 Gaussians.
     Best,
 }
 
