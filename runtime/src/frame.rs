@@ -63,25 +63,28 @@ impl<R: Real> Frame<R> {
         let normal = scale(normal, one / double_area);
         let root_area = (double_area * half).sqrt();
         let unit_first = || scale(first, one / first_length);
-        let (axes, lengths) = match kind {
+        let turned = |[x, y, z]: [[R; 3]; 3], size: R| {
+            (Self { x: scale(x, size), y: scale(y, size), z: scale(z, size), origin }, size)
+        };
+        let (frame, size) = match kind {
             FrameKind::Edge => {
                 let first = unit_first();
                 let height = cross(first, normal);
                 let size = (first_length + dot(height, e2).abs()) * half;
-                ([first, normal, height], [size; 3])
+                turned([first, normal, height], size * unit)
             }
             FrameKind::Area | FrameKind::World => {
                 let first = unit_first();
-                ([first, cross(normal, first), normal], [root_area; 3])
+                turned([first, cross(normal, first), normal], root_area * unit)
             }
             FrameKind::Affine => {
-                ([arm, sub(e1, e2), normal], [constant(PER_ARM), constant(PER_SIDE), root_area])
+                let (x, y) = (constant(PER_ARM) * unit, constant(PER_SIDE) * unit);
+                let size = root_area * unit;
+                let (x, y) = (scale(arm, x), scale(sub(e1, e2), y));
+                (Self { x, y, z: scale(normal, size), origin }, size)
             }
         };
-        let [lx, ly, lz] = scale(lengths, unit);
-        let [x, y, z] = axes;
-        let frame = Self { x: scale(x, lx), y: scale(y, ly), z: scale(z, lz), origin };
-        (frame, finite & spans & zero.below(lz) & lz.finite())
+        (frame, finite & spans & zero.below(size) & size.finite())
     }
 
     /// A local point in the world.
