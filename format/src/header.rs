@@ -9,7 +9,7 @@ pub const MAX_REGIONS: usize = 32;
 /// At most this many layers.
 pub const MAX_LAYERS: usize = 16;
 
-/// How a posed triangle gives a coordinate system. But in Affine a Gaussian's position and scales are in units
+/// How a posed triangle gives a coordinate system. In every kind but Affine a Gaussian's position and scales are in units
 /// of the frame's size, so that `X' = size · R · X + T` (LoDAvatar, eq. 5, whose k · X equals
 /// `size · X` here: the rest size is divided out once, when the file is written).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
