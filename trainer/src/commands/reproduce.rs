@@ -91,14 +91,14 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
                 &detail,
                 measure,
                 arguments.greatest,
-                |entry| eprintln!("{}: {:.0} s", entry.avatar, entry.seconds),
+                |entry| eprintln!("{}: {:.0} s of CPU time", entry.avatar, entry.seconds),
             );
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lodavatar)
         }
         Paper::Lapisgs => {
             let entries = lapisgs::table(&model, &options, measure, |entry| {
-                eprintln!("{}: {:.0} s", entry.method, entry.seconds);
+                eprintln!("{}: {:.0} s of CPU time", entry.method, entry.seconds);
             });
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lapisgs)
@@ -141,7 +141,7 @@ fn heading<T>(report: &Report<T>) -> String {
 
 fn of_lodavatar(report: &Report<lodavatar::Entry>) -> String {
     let headings =
-        ["avatar", "Gaussians", "bytes", "seconds", "PSNR dB", "foreground dB", "SSIM", "FLIP"];
+        ["avatar", "Gaussians", "bytes", "CPU s", "PSNR dB", "foreground dB", "SSIM", "FLIP"];
     let table = |of: fn(&lodavatar::Entry) -> Option<&Row>| {
         let rows = report.entries.iter().filter_map(|entry| {
             let row = of(entry)?;
@@ -168,7 +168,7 @@ fn of_lodavatar(report: &Report<lodavatar::Entry>) -> String {
 
 fn of_lapisgs(report: &Report<lapisgs::Entry>) -> String {
     let headings =
-        ["method", "scale", "Gaussians", "size", "foreground dB", "SSIM", "FLIP", "seconds"];
+        ["method", "scale", "Gaussians", "size", "foreground dB", "SSIM", "FLIP", "CPU s"];
     let mut rows = Vec::new();
     for entry in &report.entries {
         for (level, scale) in entry.scales.iter().enumerate() {
@@ -187,7 +187,10 @@ fn of_lapisgs(report: &Report<lapisgs::Entry>) -> String {
     let mut out = format!("{}\nTable 1\n{}", heading(report), aligned(&headings, &rows));
     out += "\nTable 5: LapisGS and ours against Freeze, means over scales\n";
     let freeze = report.entries.iter().find(|entry| entry.method == "Freeze");
-    let rivals = report.entries.iter().filter(|e| e.method == "LapisGS" || e.method == "ours");
+    let rivals = report
+        .entries
+        .iter()
+        .filter(|e| ["LapisGS", lapisgs::OURS, lapisgs::OURS_AS_LONG].contains(&e.method));
     let changes = rivals.filter_map(|entry| Some(against(entry, freeze?))).collect::<Vec<_>>();
     out + &aligned(&["method", "SSIM %", "FLIP %", "size %"], &changes)
 }

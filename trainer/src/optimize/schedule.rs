@@ -179,8 +179,7 @@ impl Nested {
         if draw < self.whole {
             clouds.iter().map(|cloud| cloud.len() as u32).collect()
         } else if draw < self.whole + self.level && earlier > 0 {
-            // The first one twice as often as each other: from afar its steps cost next to nothing.
-            let level = random.below(earlier + 1).saturating_sub(1) as usize;
+            let level = earlier_level(earlier, random);
             // Regions too small for the first levels come later.
             let from_last = levels - level;
             let count = |cloud: &Cloud| {
@@ -196,9 +195,44 @@ impl Nested {
     }
 }
 
+/// One of the n levels before the last, of weights n + 1, n, … 2: the coarser, the less its steps cost.
+fn earlier_level(n: u32, random: &mut Random) -> usize {
+    let mut ticket = random.below(n * (n + 3) / 2);
+    let mut level = 0;
+    while ticket >= n + 1 - level {
+        ticket -= n + 1 - level;
+        level += 1;
+    }
+    level as usize
+}
+
 impl Default for Rates {
     /// Found by trial on `valid_male.glb`.
     fn default() -> Self {
         Self { position: 0.05, angle: 0.03, log2_scale: 0.115, logit: 0.05, color: 0.01 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarser_levels_are_drawn_more_often() {
+        for n in 1..=8u32 {
+            let mut times = vec![0u32; n as usize];
+            let mut random = Random::new(3);
+            let draws = 20_000 * n;
+            (0..draws).for_each(|_| times[earlier_level(n, &mut random)] += 1);
+            for (level, &times) in (0..n).zip(&times) {
+                let share = f64::from(n + 1 - level) / f64::from(n * (n + 3) / 2);
+                let expected = share * f64::from(draws);
+                let deviation = (expected * (1.0 - share)).sqrt();
+                assert!(
+                    (f64::from(times) - expected).abs() <= 4.0 * deviation,
+                    "{level} of {n}: {times}, not {expected}"
+                );
+            }
+        }
     }
 }

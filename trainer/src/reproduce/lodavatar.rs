@@ -16,7 +16,7 @@ use crate::options::Options;
 pub struct Entry {
     /// The paper's name, or ours.
     pub avatar: String,
-    /// Seconds of training.
+    /// CPU time of training, seconds.
     pub seconds: f64,
     /// Table 1.
     pub novel_view: Option<Row>,

@@ -6,11 +6,10 @@
 pub mod lapisgs;
 pub mod lodavatar;
 
-use std::time::Instant;
-
 use anyhow::{Result, ensure};
 use dermis_format::Avatar;
 
+use crate::bench::clock::Clock;
 use crate::eval::{EvalOptions, Row, Split, evaluate};
 use crate::model::Model;
 use crate::options::Options;
@@ -25,16 +24,15 @@ pub struct Measure {
     pub views: u32,
 }
 
-/// A trained file and how long it took, seconds.
+/// A trained file and the CPU time that it took, seconds.
 struct Made {
     bytes: Vec<u8>,
     seconds: f64,
 }
 
 fn made(model: &Model, options: &Options) -> Result<Made> {
-    let start = Instant::now();
-    let bytes = train(model, options)?.bytes;
-    Ok(Made { bytes, seconds: start.elapsed().as_secs_f64() })
+    let (trained, ms) = Clock::ALL_THREADS.time(|| train(model, options))?;
+    Ok(Made { bytes: trained.bytes, seconds: ms / 1e3 })
 }
 
 /// Rows of a file at its levels and at `budgets`, in pictures of `size` px.

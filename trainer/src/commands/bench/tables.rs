@@ -63,7 +63,7 @@ pub(super) fn text(report: &Report) -> String {
     let roofs: Vec<String> = roofs.collect();
     out += &format!("blend loop in the nearest cache, 1e9 evaluations/s: {}\n", roofs.join(", "));
     let one_clock = match Clock::ONE_THREAD {
-        Clock::ThreadCpu => "one thread: CPU time",
+        Clock::ThreadCpu | Clock::ProgramCpu => "one thread: CPU time",
         Clock::Wall => "one thread: time that passes",
     };
     out += &format!(
