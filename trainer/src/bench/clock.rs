@@ -23,6 +23,14 @@ impl Clock {
     /// The best for work that is compared by what it takes, not by how soon it is done.
     pub const ALL_THREADS: Self = if cfg!(unix) { Self::ProgramCpu } else { Self::Wall };
 
+    /// What it measures, for people.
+    pub fn measures(self) -> &'static str {
+        match self {
+            Self::ThreadCpu | Self::ProgramCpu => "CPU time",
+            Self::Wall => "time that passes",
+        }
+    }
+
     /// What `work` gives, and how long it took, ms.
     ///
     /// # Errors
@@ -41,7 +49,7 @@ impl Clock {
         Ok((done, ms))
     }
 
-    /// CPU time so far, ms; nothing of [`Self::Wall`].
+    /// CPU time so far, ms; of [`Self::Wall`] none.
     #[cfg(unix)]
     fn cpu_ms(self) -> Option<f64> {
         use rustix::time::{ClockId, clock_gettime};

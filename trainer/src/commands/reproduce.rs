@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
+use dermis_trainer::bench::clock::Clock;
 use dermis_trainer::bench::machine;
 use dermis_trainer::bench::table::aligned;
 use dermis_trainer::embed::choice::Choice;
@@ -11,7 +12,7 @@ use dermis_trainer::eval::Row;
 use dermis_trainer::import;
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{Options, Preset};
-use dermis_trainer::reproduce::{Measure, lapisgs, lodavatar};
+use dermis_trainer::reproduce::{self, Measure, lapisgs, lodavatar};
 use serde::Serialize;
 
 use crate::Common;
@@ -65,6 +66,8 @@ struct Report<T> {
     size: u32,
     key_frames: u32,
     steps: u32,
+    /// What entries' seconds were measured with.
+    clock: Clock,
     entries: Vec<T>,
 }
 
@@ -91,14 +94,14 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
                 &detail,
                 measure,
                 arguments.greatest,
-                |entry| eprintln!("{}: {:.0} s of CPU time", entry.avatar, entry.seconds),
+                |entry| done(&entry.avatar, entry.seconds),
             );
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lodavatar)
         }
         Paper::Lapisgs => {
             let entries = lapisgs::table(&model, &options, measure, |entry| {
-                eprintln!("{}: {:.0} s of CPU time", entry.method, entry.seconds);
+                done(entry.method, entry.seconds);
             });
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lapisgs)
@@ -113,8 +116,14 @@ fn report<T>(options: &Options, entries: Vec<T>) -> Report<T> {
         size: options.size,
         key_frames: options.key_frames,
         steps: options.steps,
+        clock: reproduce::CLOCK,
         entries,
     }
+}
+
+/// Says that a row is done.
+fn done(row: &str, seconds: f64) {
+    eprintln!("{row}: {seconds:.0} s of {}", reproduce::CLOCK.measures());
 }
 
 /// The paper details face and hands.
@@ -133,15 +142,16 @@ fn detail(model: &Model, arguments: &Arguments) -> Detail {
 }
 
 fn heading<T>(report: &Report<T>) -> String {
-    let Report { cpu, threads, size, key_frames, steps, .. } = report;
+    let Report { cpu, threads, size, key_frames, steps, clock, .. } = report;
+    let time = clock.measures();
     format!(
-        "{size}x{size}, {key_frames} key frames, {steps} steps a row; {cpu}, {threads} threads\n"
+        "{size}x{size}, {key_frames} key frames, {steps} steps a row; {cpu}, {threads} threads; seconds: {time} of training\n"
     )
 }
 
 fn of_lodavatar(report: &Report<lodavatar::Entry>) -> String {
     let headings =
-        ["avatar", "Gaussians", "bytes", "CPU s", "PSNR dB", "foreground dB", "SSIM", "FLIP"];
+        ["avatar", "Gaussians", "bytes", "seconds", "PSNR dB", "foreground dB", "SSIM", "FLIP"];
     let table = |of: fn(&lodavatar::Entry) -> Option<&Row>| {
         let rows = report.entries.iter().filter_map(|entry| {
             let row = of(entry)?;
@@ -168,7 +178,7 @@ fn of_lodavatar(report: &Report<lodavatar::Entry>) -> String {
 
 fn of_lapisgs(report: &Report<lapisgs::Entry>) -> String {
     let headings =
-        ["method", "scale", "Gaussians", "size", "foreground dB", "SSIM", "FLIP", "CPU s"];
+        ["method", "scale", "Gaussians", "size", "foreground dB", "SSIM", "FLIP", "seconds"];
     let mut rows = Vec::new();
     for entry in &report.entries {
         for (level, scale) in entry.scales.iter().enumerate() {
@@ -187,10 +197,8 @@ fn of_lapisgs(report: &Report<lapisgs::Entry>) -> String {
     let mut out = format!("{}\nTable 1\n{}", heading(report), aligned(&headings, &rows));
     out += "\nTable 5: LapisGS and ours against Freeze, means over scales\n";
     let freeze = report.entries.iter().find(|entry| entry.method == "Freeze");
-    let rivals = report
-        .entries
-        .iter()
-        .filter(|e| ["LapisGS", lapisgs::OURS, lapisgs::OURS_AS_LONG].contains(&e.method));
+    let compared = ["LapisGS", lapisgs::OURS, lapisgs::OURS_AS_LONG];
+    let rivals = report.entries.iter().filter(|entry| compared.contains(&entry.method));
     let changes = rivals.filter_map(|entry| Some(against(entry, freeze?))).collect::<Vec<_>>();
     out + &aligned(&["method", "SSIM %", "FLIP %", "size %"], &changes)
 }

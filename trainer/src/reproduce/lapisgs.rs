@@ -29,7 +29,7 @@ pub const OURS_AS_LONG: &str = "ours, as long";
 pub struct Entry {
     /// Its name.
     pub method: &'static str,
-    /// CPU time of training, seconds: all files of the method.
+    /// Seconds of training by [`super::CLOCK`], all files of the method.
     pub seconds: f64,
     /// From the coarsest scale.
     pub scales: Vec<Scale>,
@@ -49,7 +49,7 @@ pub struct Scale {
 }
 
 /// Steps of ours that take as long as one step of *single*: most of ours draw fewer Gaussians or smaller pictures. Of
-/// four meshes 1.8 to 2.4 do; the table gives each row's seconds.
+/// four meshes 1.8 to 2.2 do; the table gives each row's seconds.
 const STEPS_AS_LONG: f64 = 1.9;
 
 /// Trains and measures all methods. Each has all steps of `options`; of multiscale each of the four files; and ours

@@ -16,7 +16,7 @@ use crate::options::Options;
 pub struct Entry {
     /// The paper's name, or ours.
     pub avatar: String,
-    /// CPU time of training, seconds.
+    /// Seconds of training by [`super::CLOCK`].
     pub seconds: f64,
     /// Table 1.
     pub novel_view: Option<Row>,

@@ -62,12 +62,9 @@ pub(super) fn text(report: &Report) -> String {
         .map(|roof| format!("{} {:.2}", roof.kernel, roof.evaluations_per_s * 1e-9));
     let roofs: Vec<String> = roofs.collect();
     out += &format!("blend loop in the nearest cache, 1e9 evaluations/s: {}\n", roofs.join(", "));
-    let one_clock = match Clock::ONE_THREAD {
-        Clock::ThreadCpu | Clock::ProgramCpu => "one thread: CPU time",
-        Clock::Wall => "one thread: time that passes",
-    };
+    let (one, several) = (Clock::ONE_THREAD.measures(), Clock::Wall.measures());
     out += &format!(
-        "\nms, medians; {one_clock}, several: time that passes; front: pose, project and sort, ns a Gaussian of the plan\n"
+        "\nms, medians; one thread: {one}, several: {several}; front: pose, project and sort, ns a Gaussian of the plan\n"
     );
     out += &table(bench, "pose plan project sort raster total least front", times);
     out += "\nwork; roof: raster evaluations/s, and their share of what the blend loop can do; KB of scratch\n";
