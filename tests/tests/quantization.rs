@@ -1,9 +1,7 @@
 //! What writing an avatar to a file costs, and how training makes up for it.
 
-use std::iter::repeat_n;
-
 use dermis_format::walk::Levels;
-use dermis_format::{Disc, FrameKind, LowPass, Records};
+use dermis_format::{Disc, DiscWidths, FrameKind, LowPass, Records};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::{Avatar, Camera};
 use dermis_tests::compare::cost_of_packing;
@@ -36,15 +34,19 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
 fn the_last_steps_draw_what_is_read() {
     let (_, trained) = trained_demo(&options(2000, 20));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
-    let drawn = as_stored(&trained.clouds[0]).expect("it can be written");
+    let widths = |layer: u8| {
+        let block = avatar.blocks().find(|block| block.layer == layer).expect("no layer is empty");
+        let Records::Disc(discs) = block.records else { panic!("training makes discs") };
+        discs.layout().widths()
+    };
+    let widths: Vec<DiscWidths> = (0..avatar.header().layers).map(widths).collect();
+    let drawn = as_stored(&trained.clouds[0], &widths).expect("it can be written");
     for (level, drawn) in (0..).zip(&drawn.levels) {
         let blocks = avatar.blocks_at(|_| Levels { upper: level, lower: None });
         let read: Vec<Disc> = (blocks.take_while(|block| block.layer <= level))
             .flat_map(|block| {
                 let Records::Disc(records) = block.records else { panic!("training makes discs") };
-                let groups = block.groups.iter();
-                let of_each = groups.flat_map(|g| repeat_n(g, usize::from(g.count_less_one) + 1));
-                of_each.zip(records).map(|(group, record)| group.disc(record))
+                records.iter().collect::<Vec<_>>()
             })
             .collect();
         assert_eq!(read.len(), drawn.len(), "level {level}");
