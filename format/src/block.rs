@@ -4,7 +4,7 @@ use crate::discs::Discs;
 use crate::error::{Error, malformed};
 use crate::header::{FrameKind, Header, PerLevel, RecordKind};
 use crate::order::{BLOCK_LEN, GROUP_LEN};
-use crate::quant::{Full, last_code};
+use crate::quant::{Full, Linear, last_code};
 use crate::record::{BlockRecord, FullGroup, FullRecord, ShortRange, plane, take_plane};
 use crate::triangles::Triangles;
 

@@ -5,7 +5,7 @@
 
 use crate::bits::{bits, bytes_for, mask, window};
 use crate::order::GROUP_LEN;
-use crate::quant::Disc;
+use crate::quant::{Disc, Linear};
 use crate::record::{DiscGroup, DiscWidths, take_plane};
 
 /// Most bits of a number.

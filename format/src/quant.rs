@@ -56,19 +56,25 @@ pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
 impl<F: Copy + Add<Output = F> + Sub<Output = F> + Mul<Output = F>> Number for F {}
 
 /// Codes to numbers: `offset + code · step`.
-trait Linear: Copy {
+pub trait Linear: Copy {
     /// Value of code 0, and difference between codes.
     fn parts(self) -> (f32, f32);
 
-    /// offset + code · step, of one code or of several side by side.
+    /// offset + code · step, of one code or of several side by side; `constant` makes an `F` of an f32.
     #[inline(always)]
     fn decode<F: Number>(self, code: F, constant: &impl Fn(f32) -> F) -> F {
         let (offset, step) = self.parts();
         constant(offset) + code * constant(step)
     }
 
+    /// The value of a code.
+    #[inline]
+    fn value(self, code: u16) -> f32 {
+        self.decode(f32::from(code), &|x| x)
+    }
+
     /// The nearest code to `value`, in 0..=`last`.
-    fn nearest(self, value: f32, last: u16) -> u16 {
+    fn code(self, value: f32, last: u16) -> u16 {
         let (offset, step) = self.parts();
         if step > 0.0 {
             // Saturates; NaN becomes 0.
@@ -79,9 +85,8 @@ trait Linear: Copy {
     }
 
     /// Whether every code up to `last` has a finite value of at most `limit`.
-    fn keeps_within(self, last: u16, limit: f32) -> bool {
-        let (low, step) = self.parts();
-        let high = self.decode(f32::from(last), &|x| x);
+    fn is_within(self, last: u16, limit: f32) -> bool {
+        let ((low, step), high) = (self.parts(), self.value(last));
         low.abs() <= limit && high.abs() <= limit && step >= 0.0
     }
 }
@@ -122,35 +127,13 @@ pub fn last_code(bits: u8) -> u16 {
 }
 
 impl Range {
-    /// The value of a code.
-    #[inline]
-    pub fn value(self, code: u16) -> f32 {
-        self.decode(f32::from(code), &|x| x)
-    }
-
     /// The range that codes 0..=`last` need to reach from `min` to `max`.
     pub fn spanning(min: f32, max: f32, last: u16) -> Self {
         Self { offset: min.into(), step: ((max - min) / f32::from(last)).into() }
     }
-
-    /// The nearest code to `value`, in 0..=`last`.
-    pub fn code(self, value: f32, last: u16) -> u16 {
-        self.nearest(value, last)
-    }
-
-    /// Whether every code up to `last` has a finite value of at most `limit`.
-    pub(crate) fn is_within(self, last: u16, limit: f32) -> bool {
-        self.keeps_within(last, limit)
-    }
 }
 
 impl ShortRange {
-    /// The value of a code.
-    #[inline]
-    pub fn value(self, code: u16) -> f32 {
-        self.decode(f32::from(code), &|x| x)
-    }
-
     /// A range whose codes 0..=`last` reach from `min` to `max`, and a little beyond: an offset not above `min`, then
     /// the least step. With one code alone, the nearest to the middle.
     pub fn spanning(min: f32, max: f32, last: u16) -> Self {
@@ -167,16 +150,6 @@ impl ShortRange {
             step = Bf16::at_least(step.get() * (1.0 + f32::EPSILON));
         }
         Self { offset, step }
-    }
-
-    /// The nearest code to `value`, in 0..=`last`.
-    pub fn code(self, value: f32, last: u16) -> u16 {
-        self.nearest(value, last)
-    }
-
-    /// Whether every code up to `last` has a finite value of at most `limit`.
-    pub(crate) fn is_within(self, last: u16, limit: f32) -> bool {
-        self.keeps_within(last, limit)
     }
 }
 

@@ -1,7 +1,6 @@
 //! How far the Gaussians of a plan reach from their triangles, by the ranges of their groups alone.
 
-use dermis_format::quant::last_code;
-use dermis_format::record::{Range, ShortRange};
+use dermis_format::quant::{Linear, last_code};
 use dermis_format::{Avatar, Discs, Fulls, Records};
 
 use crate::math::{Real, dot};
@@ -46,8 +45,6 @@ impl Reach {
     fn add_discs(&mut self, discs: &Discs<'_>, log2_factor: f32) {
         let widths = discs.layout().widths();
         let [x, y, z] = widths.position.map(last_code);
-        let greatest =
-            |range: ShortRange, last| range.value(0).abs().at_least(range.value(last).abs());
         for group in discs.groups() {
             let [a, b, c] = group.position;
             let scale = group.log2_scale.value(last_code(widths.scale));
@@ -56,9 +53,11 @@ impl Reach {
     }
 
     fn add_fulls(&mut self, fulls: &Fulls<'_>, log2_factor: f32) {
-        let greatest = |range: Range| range.value(0).abs().at_least(range.value(u16::MAX).abs());
         for group in fulls.groups {
-            self.add(group.position.map(greatest), group.log2_scale.value(255) + log2_factor);
+            self.add(
+                group.position.map(|range| greatest(range, u16::MAX)),
+                group.log2_scale.value(255) + log2_factor,
+            );
         }
     }
 
@@ -66,4 +65,9 @@ impl Reach {
         self.square = self.square.at_least(dot(furthest, furthest));
         self.log2_sigma = self.log2_sigma.at_least(log2_sigma);
     }
+}
+
+/// Greatest |value| of a range.
+fn greatest(range: impl Linear, last: u16) -> f32 {
+    range.value(0).abs().at_least(range.value(last).abs())
 }

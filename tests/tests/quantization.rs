@@ -12,6 +12,7 @@ use dermis_trainer::optimize::forward::{Stage, draw};
 use dermis_trainer::optimize::loss::Loss;
 use dermis_trainer::optimize::rounding::as_stored;
 use dermis_trainer::optimize::schedule::{Prefixes, Random, Schedule};
+use dermis_trainer::options::Options;
 use dermis_trainer::scene::Truth;
 use dermis_trainer::truth::{Crop, Store, TrainingView};
 
@@ -25,8 +26,32 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
         let cost = cost_of_packing(&model, &trained, &options, count, 6);
         println!("{count} Gaussians: {cost:.3?}");
         assert!(cost.cloud > 15.0, "{} dB is no picture of it", cost.cloud);
-        assert!(cost.between > 50.0, "the pictures differ by {:.1} dB", cost.between);
+        assert!(cost.between > 36.0, "the pictures differ by {:.1} dB", cost.between);
         assert!(cost.cloud - cost.file <= 0.3, "{cost:?}");
+    }
+}
+
+/// What is asked of the training views is about what views that training did not see lose.
+#[test]
+fn bits_are_as_few_as_the_wanted_loss_allows() {
+    let widths = |bytes: &[u8]| {
+        let avatar = Avatar::parse(bytes).expect("what was trained is valid");
+        let block = avatar.blocks().last().expect("it has blocks");
+        let Records::Disc(discs) = block.records else { panic!("training makes discs") };
+        discs.layout()
+    };
+    let mut before = u32::MAX;
+    for max_loss_db in [0.0, 0.05, 0.3] {
+        let options = Options { max_loss_db, ..options(2000, 100) };
+        let (model, trained) = trained_demo(&options);
+        let bits = widths(&trained.bytes).bits();
+        let cost = cost_of_packing(&model, &trained, &options, 2000, 6);
+        println!("{max_loss_db} dB: {bits} bits, {cost:.3?}");
+        assert!(bits < before, "{bits} bits for {max_loss_db} dB, {before} before");
+        assert!(max_loss_db > 0.0 || bits == 80, "{bits}");
+        let lost = cost.cloud - cost.file;
+        assert!(lost <= f64::from(max_loss_db) * 1.5 + 0.02, "{max_loss_db}: {cost:?}");
+        before = bits;
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is encoded returns within half a step of its range.
 
-use dermis_format::quant::{last_code, quaternion_code, quaternion_value};
+use dermis_format::quant::{Linear, last_code, quaternion_code, quaternion_value};
 use dermis_format::record::{F32, ImportanceRecord, Range, ShortRange};
 use dermis_format::rig::Property;
 use dermis_format::source::{Channel, Clip, Gaussians, Importance, Source};

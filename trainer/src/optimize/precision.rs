@@ -183,3 +183,46 @@ fn allocate(costs: &[f64], allowed: f64) -> DiscWidths {
     }
     widths
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimize::schedule::Random;
+
+    fn bits(mut widths: DiscWidths) -> [u8; NUMBERS.len()] {
+        core::array::from_fn(|i| *(NUMBERS[i].width)(&mut widths))
+    }
+
+    #[test]
+    fn no_bit_is_spent_that_is_not_needed() {
+        let mut random = Random::new(5);
+        for _ in 0..500 {
+            let costs = [(); NUMBERS.len()].map(|()| f64::from(libm::exp2f(-20.0 * random.unit())));
+            let allowed = f64::from(libm::exp2f(-18.0 * random.unit())) * 0.1;
+            let error = |bits: [u8; NUMBERS.len()]| -> f64 {
+                bits.iter().zip(costs).map(|(&bits, cost)| cost * unit_error(bits)).sum()
+            };
+            let chosen = bits(allocate(&costs, allowed));
+            let most = [dermis_format::discs::MOST_BITS; NUMBERS.len()];
+            assert!(error(chosen) <= allowed || chosen == most, "{chosen:?}");
+            // A bit less of a number leaves too much error, unless that number's bit is worth more than what came last.
+            let spared = (0..chosen.len()).filter(|&number| chosen[number] > 0).filter(|&number| {
+                let mut fewer = chosen;
+                fewer[number] -= 1;
+                error(fewer) <= allowed
+            });
+            assert!(spared.count() <= 1, "{chosen:?}");
+        }
+    }
+
+    #[test]
+    fn a_quarter_of_the_error_costs_about_a_bit_of_each_number() {
+        let costs = [4e-3, 3e-3, 2e-3, 2e-3, 3e-3, 4e-3, 5e-4, 3e-5, 1e-6];
+        let [more, fewer] = [1e-6, 4e-6].map(|allowed| bits(allocate(&costs, allowed)));
+        for (number, (more, fewer)) in more.into_iter().zip(fewer).enumerate() {
+            assert!(more >= fewer && more <= fewer + 2, "number {number}: {fewer} to {more}");
+        }
+        let sum = |bits: [u8; NUMBERS.len()]| bits.iter().map(|&b| i32::from(b)).sum::<i32>();
+        assert!((7..=11).contains(&(sum(more) - sum(fewer))), "{fewer:?} to {more:?}");
+    }
+}
