@@ -166,9 +166,7 @@ impl Header {
         let header = Self { version, count, degree, fraction_bits, flags, streams };
         ensure!(
             versions.contains(&version),
-            "is SPZ of version {version} in the compression of versions {} to {}; export it as version 3 or 4",
-            versions.start(),
-            versions.end()
+            "has SPZ's version {version}; give 2 or 3, compressed by gzip, or 4"
         );
         ensure!(degree <= 4, "has harmonics of degree {degree}, not 0 to 4; export it again");
         ensure!(
