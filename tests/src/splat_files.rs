@@ -105,8 +105,8 @@ pub fn compressed_ply(ply: &SplatPly, color_ranges: bool) -> (Vec<u8>, SplatPly)
             let (turn, said) = largest_and_others(columns.rotation(row));
             columns.turn.iter().zip(said).for_each(|(&c, x)| row[c] = x as f32);
             let mut paint = 0;
-            for channel in 0..3 {
-                let (code, x) = quantized(columns.color(row, channel), color[channel], 8);
+            for (channel, range) in color.into_iter().enumerate() {
+                let (code, x) = quantized(columns.color(row, channel), range, 8);
                 paint = paint << 8 | code;
                 columns.set_color(row, channel, x);
             }

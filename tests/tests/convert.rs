@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use dermis_runtime::{Avatar, Plan, Pose};
+use dermis_runtime::{Avatar, Camera, Plan, Pose};
 use dermis_tests::files::{self, written};
 use dermis_tests::splat_pictures::{ALL, exact, orbit, psnr, real_file_keeps_its_pictures};
 use dermis_tests::splats::SplatPly;
@@ -82,6 +82,27 @@ fn the_shape_of_the_file_does_not_matter() {
     let floats = converted(&written(&folder, "floats.ply", whole.bytes()));
     let text = whole.ascii().replace("float opacity", "short opacity");
     assert!(converted(&written(&folder, "shorts.ply", text)) == floats, "opacity in shorts");
+}
+
+#[test]
+fn a_half_turn_shows_the_same_to_a_camera_that_turns_with_it() {
+    let folder = files::empty_folder("convert_turned");
+    let ply = SplatPly::random(500, 3, 4);
+    let path = written(&folder, "a.ply", ply.bytes());
+    let (mut splats, _) = convert::read(&path, None).expect("it can be read");
+    let as_read = splats.clone();
+    splats.half_turn();
+    let turned = convert::pack(splats.clone()).expect("it can be packed");
+    let turned = Avatar::parse(&turned).expect("what was packed is valid");
+    for yaw in [20.0, 110.0, 250.0] {
+        let camera = orbit(&turned, yaw, 25.0, None, 160);
+        let world_to_camera = camera.world_to_camera.map(|[x, y, z, t]| [x, -y, -z, t]);
+        let of_file = exact(&ply, &Camera { world_to_camera, ..camera });
+        let db = psnr(&turned, ALL, &of_file, &camera);
+        assert!(db > 45.0, "{db:.2} dB");
+    }
+    splats.half_turn();
+    assert!(splats == as_read, "and back");
 }
 
 #[test]

@@ -10,6 +10,7 @@ use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
 
+use super::options::Turning;
 use crate::Common;
 
 #[derive(clap::Args)]
@@ -25,6 +26,8 @@ pub(crate) struct Arguments {
     /// Greatest degree of harmonics to keep [default: all, up to 3].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
+    #[command(flatten)]
+    turning: Turning,
 }
 
 /// What `--json` prints.
@@ -55,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if let Some(degree) = arguments.sh_degree {
         splats.cut_degree(degree);
     }
+    arguments.turning.turn(&mut splats);
     let (degree, cut_from) = (splats.degree, splats.cut_from);
     let bytes = convert::pack(splats).with_context(|| name.to_string())?;
     output.finish(&bytes)?;

@@ -10,7 +10,7 @@ use dermis_trainer::export::{self, Packed};
 use dermis_trainer::output;
 use serde::Serialize;
 
-use super::options::{Detail, Posing};
+use super::options::{Detail, Posing, Turning};
 use crate::Common;
 
 #[derive(clap::Args)]
@@ -24,6 +24,8 @@ pub(crate) struct Arguments {
     posing: Posing,
     #[command(flatten)]
     detail: Detail,
+    #[command(flatten)]
+    turning: Turning,
 }
 
 /// What is written.
@@ -90,8 +92,9 @@ fn kind(output: &Path) -> Kind {
 
 fn exported(avatar: &Avatar<'_>, arguments: &Arguments, kind: Kind) -> Result<(Report, Vec<u8>)> {
     let plan = arguments.detail.plan(avatar);
-    let (splats, LeftOut { faint, wild }) =
+    let (mut splats, LeftOut { faint, wild }) =
         export::posed(avatar, &arguments.posing.pose(avatar)?, &plan)?;
+    arguments.turning.turn(&mut splats);
     let Packed { bytes, clamped } = match kind {
         Kind::Ply => Packed { bytes: export::ply(&splats), clamped: 0 },
         Kind::Spz => export::spz(&splats)?,

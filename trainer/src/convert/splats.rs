@@ -18,6 +18,13 @@ const GREATEST_POSITION: f64 = 1e9;
 const GREATEST_LOG2_SCALE: f64 = 30.0;
 const GREATEST_COLOR: f64 = 250.0;
 
+/// Which harmonics of degrees 1 to 3 change their sign with y and z: those whose polynomials have an odd number of both.
+const TURNED: [bool; 15] = [
+    true, true, false, // y, z, x
+    true, false, false, true, false, // xy, yz, 2z² − x² − y², xz, x² − y²
+    true, false, true, true, false, true, false, // y…, xyz, y…, z…, x…, z…, x…
+];
+
 /// Free Gaussians, metres, world axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
@@ -109,6 +116,21 @@ impl Splats {
         if degree < self.degree {
             self.cut_from.get_or_insert(self.degree);
             self.truncate_harmonics(degree);
+        }
+    }
+
+    /// Turns everything half around the x axis: from y down and z forward, as most captures have them, to y up and
+    /// z back, and the other way.
+    pub fn half_turn(&mut self) {
+        for g in &mut self.gaussians {
+            let ([x, y, z], [w, i, j, k]) = (g.position, g.rotation);
+            g.position = [x, -y, -z];
+            // Its own axes are turned, too, which changes no covariance.
+            g.rotation = [w, i, -j, -k];
+        }
+        for coefficients in &mut self.harmonics {
+            let bands = coefficients.as_chunks_mut::<3>().0.iter_mut().zip(TURNED);
+            bands.filter(|(_, turned)| *turned).for_each(|(c, _)| *c = c.map(|x| -x));
         }
     }
 

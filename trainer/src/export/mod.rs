@@ -4,9 +4,9 @@
 //!    their harmonics; of another by [`Posed::export`], both sides of its mesh.
 //! 2. [`ply()`] and [`spz()`] write them; [`convert`](crate::convert) reads them again.
 //!
-//! Axes and units stay the avatar's: metres and, where it was trained here, +Y up, x to the right of who looks
-//! at its front, z towards him. That is what SPZ prescribes. PLY prescribes nothing, but what captures have
-//! (y down, z forward) many viewers take for granted, and show what has +Y up upside down.
+//! Axes and units stay the avatar's: metres and, where it was trained here, x to the right of who looks at its
+//! front, y up, z towards him, which is what SPZ prescribes. PLY prescribes nothing, but many viewers take what
+//! captures have (y down, z forward) for granted: [`Splats::half_turn`] leads from one to the other.
 
 mod ply;
 mod spz;
