@@ -199,6 +199,40 @@ fn covariance(q: &[f64], ln_scale: &[f64]) -> [f64; 6] {
     [of(0, 0), of(0, 1), of(0, 2), of(1, 1), of(1, 2), of(2, 2)]
 }
 
+#[test]
+fn real_files_go_around_and_keep_their_pictures() {
+    let who = "export::real_files_go_around_and_keep_their_pictures";
+    let Some(folder) = files::data(who) else { return };
+    let ours = files::empty_folder("export_real");
+    for (name, distance) in [("playbot_lod4.ply", 2.5), ("plant.splat", 1.3)] {
+        let path = folder.join("splats").join(name);
+        let bytes = fs::read(&path).expect("it is there");
+        let splat = name.ends_with("splat");
+        let source = if splat { SplatPly::of_splat_file(&bytes) } else { SplatPly::parse(&bytes) };
+        let pack = |path: &Path| {
+            let (splats, _) = convert::read(path, None).unwrap_or_else(|error| panic!("{error:#}"));
+            convert::pack(splats).expect("what can be read can be packed")
+        };
+        let first = pack(&path);
+        let avatar = Avatar::parse(&first).expect("what was packed is valid");
+        let plan = Plan::with_budget(&avatar, ALL);
+        let (splats, _) = export::posed(&avatar, &Pose::Rest, &plan).expect("it is drawn");
+        let spz = export::spz(&splats).expect("it fits").bytes;
+        for (name, bytes, least) in [("a.ply", export::ply(&splats), 49.0), ("a.spz", spz, 43.0)] {
+            let len = bytes.len();
+            let again = pack(&written(&ours, name, bytes));
+            let again = Avatar::parse(&again).expect("what was packed is valid");
+            let mut sum = 0.0;
+            for view in 0..6 {
+                let camera = orbit(&again, 60.0 * view as f32, 10.0, Some(distance), 400);
+                sum += psnr(&again, ALL, &exact(&source, &camera), &camera) / 6.0;
+            }
+            println!("{} through {name}, {len} bytes: {sum:.2} dB", path.display());
+            assert!(sum > least, "{name}: {sum:.2} dB");
+        }
+    }
+}
+
 fn json_of(run: &Run) -> Value {
     assert_eq!(run.code, Some(0), "{run:?}");
     serde_json::from_str(&run.stdout).expect("stdout is JSON")

@@ -135,9 +135,57 @@ pub(crate) fn rotation_bytes([w, x, y, z]: [f64; 4]) -> [u8; 4] {
         (1..4).fold(0, |best, i| if xyzw[i].abs() > xyzw[best].abs() { i } else { best });
     let mut code = greatest as u32;
     for (_, x) in xyzw.iter().enumerate().filter(|(i, _)| *i != greatest) {
+        let x = x * xyzw[greatest].signum();
         let magnitude = libm::round(x.abs() * ROTATION).min(511.0) as u32;
-        let negative = (*x < 0.0) != (xyzw[greatest] < 0.0);
-        code = code << 10 | u32::from(negative) << 9 | magnitude;
+        code = code << 10 | u32::from(x < 0.0) << 9 | magnitude;
     }
     code.to_le_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn decoded(position: [u8; 3], codes: [u8; 3], turn: u32, bits: u8) -> Splat<'static> {
+        let position = [position; 3].concat();
+        decode([&position, &codes[..1], &codes, &codes, &turn.to_le_bytes(), &[]], bits, &[])
+    }
+
+    #[test]
+    fn every_code_comes_back() {
+        for byte in 0..=255 {
+            let splat = decoded([0; 3], [byte; 3], 0, 12);
+            assert_eq!(alpha_code(splat.opacity), (byte, true));
+            assert_eq!(color_code(splat.color[2]), (byte, true));
+            assert_eq!(scale_code(splat.log2_scale[1]), (byte, true));
+            assert_eq!(harmonic_code(harmonic(byte).into()), (byte, true));
+            for bits in [0, 12, 23] {
+                let position = [byte, 3, 255 - byte];
+                let x = decoded(position, [0; 3], 0, bits).position[0];
+                assert_eq!(position_bytes(x, bits), position);
+            }
+        }
+    }
+
+    #[test]
+    fn quaternions_come_back() {
+        for greatest in 0..4u32 {
+            for codes in [[0, 0, 0], [1, 2, 3], [100, 600, 20], [300, 5, 812], [811, 811, 811]] {
+                let code = codes.iter().fold(greatest, |code, part| code << 10 | part);
+                let turn = decoded([0; 3], [0; 3], code, 0).rotation;
+                let length: f64 = turn.iter().map(|x| x * x).sum();
+                assert!((length - 1.0).abs() < 1e-12, "{turn:?}");
+                assert_eq!(rotation_bytes(turn), code.to_le_bytes(), "{turn:?}");
+                assert_eq!(rotation_bytes(turn.map(|x| -x)), code.to_le_bytes(), "{turn:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_beyond_a_code_is_told() {
+        assert_eq!([color_code(1.5), color_code(-0.5)], [(255, false), (0, false)]);
+        assert_eq!([harmonic_code(1.0), harmonic_code(-1.01)], [(255, false), (0, false)]);
+        assert_eq!([scale_code(9.0), scale_code(-20.0)], [(255, false), (0, true)]);
+        assert_eq!(position_bytes(9e9, 0), [255, 255, 127]);
+    }
 }
