@@ -5,7 +5,8 @@
 //! 3. [`compare`] measures the runtime against the reference, and a file against its cloud.
 //! 4. [`golden`] compares with stored pictures and shows the difference.
 //! 5. [`files`] finds the workspace and its data, and makes small glTF files; [`splats`] makes PLYs of
-//!    Gaussians and draws them without our file in between.
+//!    Gaussians and draws them without our file in between, [`splat_files`] and [`spz`] write them as other files,
+//!    and [`splat_pictures`] compares.
 //! 6. [`command`] builds and runs the `dermis` command.
 
 pub mod command;
@@ -14,4 +15,7 @@ pub mod files;
 pub mod golden;
 pub mod picture;
 pub mod small;
+pub mod splat_files;
+pub mod splat_pictures;
 pub mod splats;
+pub mod spz;

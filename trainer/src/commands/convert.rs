@@ -10,11 +10,12 @@ use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
 
+use super::options::Turning;
 use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Trained Gaussians: a PLY of 3D Gaussian Splatting.
+    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, PlayCanvas' compressed PLY, SPZ or .splat.
     input: PathBuf,
     /// The avatar to write.
     #[arg(short, long, value_name = "FILE")]
@@ -22,6 +23,11 @@ pub(crate) struct Arguments {
     /// What the file is taken for [default: what its content says].
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
+    /// Greatest degree of harmonics to keep [default: all, up to 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: Option<u8>,
+    #[command(flatten)]
+    turning: Turning,
 }
 
 /// What `--json` prints.
@@ -29,6 +35,9 @@ pub(crate) struct Arguments {
 struct Report {
     seconds: f64,
     left_out: Missing,
+    /// Degree of the harmonics in the file that was read, where they were cut.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sh_degree_cut_from: Option<u8>,
     #[serde(flatten)]
     info: Info,
 }
@@ -44,8 +53,13 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let output = output::Output::create(&arguments.output)?;
     let name = arguments.input.display();
-    let (splats, left_out) = convert::read(&arguments.input, arguments.from)?;
+    let (mut splats, left_out) = convert::read(&arguments.input, arguments.from)?;
     let LeftOut { faint, wild } = left_out;
+    if let Some(degree) = arguments.sh_degree {
+        splats.cut_degree(degree);
+    }
+    arguments.turning.turn(&mut splats);
+    let (degree, cut_from) = (splats.degree, splats.cut_from);
     let bytes = convert::pack(splats).with_context(|| name.to_string())?;
     output.finish(&bytes)?;
     if left_out != LeftOut::default() {
@@ -55,8 +69,12 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             faint + wild
         );
     }
+    if let Some(from) = cut_from {
+        eprintln!("{name}: cut harmonics of degree {from} to {degree}");
+    }
     let info = Info::of(&Avatar::parse(&bytes)?);
     let seconds = start.elapsed().as_secs_f64();
-    let report = Report { seconds, left_out: Missing { faint, wild }, info };
+    let left_out = Missing { faint, wild };
+    let report = Report { seconds, left_out, sh_degree_cut_from: cut_from, info };
     super::print(common, &report, |report| super::info::text(&report.info))
 }

@@ -1,18 +1,24 @@
 //! Converters: from Gaussians that another program trained to an avatar without a mesh.
 //!
-//! 1. [`read`] opens the file and picks a reader by content; `ply` reads tables of numbers, and
-//!    `splat_ply` knows what 3D Gaussian Splatting calls them.
+//! 1. [`read`] opens the file and picks a reader by content (`detect`); `ply` reads tables of numbers, and
+//!    `splat_ply` knows what 3D Gaussian Splatting calls them, `compressed_ply` what PlayCanvas packs into
+//!    them; `splat` and `spz` (codes in `spz_codes`) have files of their own.
 //! 2. [`splats`] holds Gaussians that stand free, and leaves out those that can never be seen.
 //! 3. `nested` puts them in an order whose every prefix is a picture.
-//! 4. [`pack`] encodes them: frame World, full records, classic low-pass.
+//! 4. [`pack`] encodes them: frame World, full records, the low-pass that they were trained for.
 //!
 //! Files are hostile until proven otherwise: what a header claims is held against the bytes that
 //! are there before anything is read. Errors are one line when printed with `{:#}`.
 
+mod compressed_ply;
+mod detect;
 mod nested;
 mod ply;
-mod splat_ply;
+mod splat;
+pub(crate) mod splat_ply;
 pub mod splats;
+pub(crate) mod spz;
+pub(crate) mod spz_codes;
 
 use std::fs::File;
 use std::io::BufReader;
@@ -35,6 +41,12 @@ pub use splats::{LeftOut, Splats};
 pub enum Kind {
     /// PLY of 3D Gaussian Splatting.
     Ply,
+    /// 32 bytes a Gaussian, without a header.
+    Splat,
+    /// SPZ, versions 2 to 4.
+    Spz,
+    /// PlayCanvas' compressed PLY.
+    CompressedPly,
 }
 
 /// Reads Gaussians that another program trained.
@@ -49,12 +61,15 @@ pub fn read(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
 
 fn read_file(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
     let about = regular_file(path)?;
-    let file = File::open(path).context("cannot be read; may you read it?")?;
-    let bound = match kind {
-        None => Bound::Refused,
-        Some(Kind::Ply) => Bound::AsTheyStand,
+    let mut file = File::open(path).context("cannot be read; may you read it?")?;
+    let (len, bound) = (about.len(), kind.map_or(Bound::Refused, |_| Bound::AsTheyStand));
+    let kind = kind.map_or_else(|| detect::kind(&mut file, path), Ok)?;
+    let (splats, left_out) = match kind {
+        Kind::Ply => splat_ply::read(BufReader::new(file), len, bound)?,
+        Kind::Splat => splat::read(BufReader::new(file), len)?,
+        Kind::Spz => spz::read(BufReader::new(file), len)?,
+        Kind::CompressedPly => compressed_ply::read(&file, len)?,
     };
-    let (splats, left_out) = splat_ply::read(BufReader::new(file), about.len(), bound)?;
     ensure!(
         !splats.gaussians.is_empty(),
         "none of its {} Gaussians can be drawn ({} too faint, {} with numbers that are not finite \
@@ -95,7 +110,7 @@ pub fn pack(mut splats: Splats) -> Result<Vec<u8>> {
         regions: vec![region],
         mathematics: Mathematics {
             frame: FrameKind::World,
-            low_pass: LowPass::Classic,
+            low_pass: if splats.compensated { LowPass::Compensated } else { LowPass::Classic },
             scale_law: ScaleLaw::SquareRoot,
             harmonics_degree: splats.degree,
         },

@@ -8,7 +8,7 @@ use super::ply::Ply;
 use super::splats::{LeftOut, Splat, Splats};
 
 /// √(1/4π): the constant harmonic. Colour = ½ + this · `f_dc`.
-const CONSTANT_HARMONIC: f64 = 0.282_094_791_773_878_14;
+pub(crate) const CONSTANT_HARMONIC: f64 = 0.282_094_791_773_878_14;
 
 /// What every Gaussian has, in the order of [`gaussian`].
 const NUMBERS: [&str; 14] = [
@@ -21,6 +21,9 @@ const MOST_HARMONICS: usize = 45;
 
 /// Written by programs whose Gaussians stand in frames of a mesh's triangles.
 const BINDING: &str = "binding_0";
+
+/// The comment by which Brush and PlayCanvas' tools tell a low-pass as Mip-Splatting's.
+pub(crate) const COMPENSATED: &str = "SplatRenderMode: mip";
 
 /// Whether Gaussians that hang on a mesh are taken as if they stood free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,34 +48,50 @@ pub(super) fn read(file: impl BufRead, len: u64, bound: Bound) -> Result<(Splats
         })?;
         columns.push(column);
     }
-    let mut rest = 0;
-    while rest <= MOST_HARMONICS
-        && let Some(column) = ply.column(&format!("f_rest_{rest}"))?
-    {
-        columns.push(column);
-        rest += 1;
-    }
-    let degree = match rest {
-        0 => 0,
-        9 => 1,
-        24 => 2,
-        MOST_HARMONICS => 3,
-        _ => bail!("has {rest} properties f_rest in a row, not 0, 9, 24 or 45; export it again"),
-    };
-    let mut splats = Splats { degree, ..Splats::default() };
+    let (degree, rest) = harmonics_columns(&ply)?;
+    columns.extend(&rest);
+    let compensated = is_compensated(&ply);
+    let mut splats = Splats { degree, compensated, ..Splats::default() };
     let mut left_out = LeftOut::default();
-    let mut harmonics = vec![0.0; rest];
+    let mut harmonics = vec![0.0; rest.len()];
     ply.for_each_row(&columns, |row| {
         let (numbers, rest) = row.split_at(NUMBERS.len());
-        // The file holds all of red, then green, then blue.
-        let bands = rest.len() / 3;
-        for (i, coefficient) in harmonics.iter_mut().enumerate() {
-            *coefficient = rest[i % 3 * bands + i / 3] as f32;
-        }
+        per_coefficient(|i| rest[i] as f32, &mut harmonics);
         splats.push(&gaussian(numbers, &harmonics), &mut left_out);
     })?;
     splats.lower_degree();
     Ok((splats, left_out))
+}
+
+/// Degree of the harmonics, and places of their properties.
+pub(super) fn harmonics_columns<R: BufRead>(ply: &Ply<R>) -> Result<(u8, Vec<usize>)> {
+    let mut columns = Vec::new();
+    while columns.len() <= MOST_HARMONICS
+        && let Some(column) = ply.column(&format!("f_rest_{}", columns.len()))?
+    {
+        columns.push(column);
+    }
+    let degree = match columns.len() {
+        0 => 0,
+        9 => 1,
+        24 => 2,
+        MOST_HARMONICS => 3,
+        rest => bail!("has {rest} properties f_rest in a row, not 0, 9, 24 or 45; export it again"),
+    };
+    Ok((degree, columns))
+}
+
+/// Fills `harmonics`, (r, g, b) after (r, g, b), from `rest`, where all of red stands before green and blue.
+pub(super) fn per_coefficient(rest: impl Fn(usize) -> f32, harmonics: &mut [f32]) {
+    let bands = harmonics.len() / 3;
+    for (i, coefficient) in harmonics.iter_mut().enumerate() {
+        *coefficient = rest(i % 3 * bands + i / 3);
+    }
+}
+
+/// Whether the file says that its Gaussians were trained with a compensated low-pass.
+pub(super) fn is_compensated<R: BufRead>(ply: &Ply<R>) -> bool {
+    ply.comments().any(|comment| comment == COMPENSATED)
 }
 
 /// The Gaussian of a row: opacity by its logit, scales by their natural logarithms.
