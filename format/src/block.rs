@@ -11,6 +11,8 @@ use crate::triangles::Triangles;
 /// Positions and log₂ scales beyond this are refused, so that no arithmetic of a reader overflows:
 /// 2⁴¹ frame sizes.
 const GREATEST_POSITION: f32 = 2.0e12;
+/// Of x, y and ∛z of a disc.
+const GREATEST_ROOTED: [f32; 3] = [GREATEST_POSITION, GREATEST_POSITION, 1.2e4];
 const GREATEST_LOG2_SCALE: f32 = 41.0;
 const GREATEST_COLOR: f32 = 2.0e3;
 /// Ranges reach a little beyond what they hold, which is 1 at most.
@@ -150,12 +152,13 @@ pub(crate) fn split_head(payload: &[u8]) -> Option<(&BlockRecord, &[u8])> {
 /// Whether every number of every group is finite and small enough.
 pub(crate) fn have_valid_ranges(discs: &Discs<'_>) -> bool {
     let widths = discs.layout().widths();
-    let all = |ranges: &[ShortRange; 3], widths: [u8; 3], limit: f32| {
-        ranges.iter().zip(widths).all(|(range, width)| range.is_within(last_code(width), limit))
+    let all = |ranges: &[ShortRange; 3], widths: [u8; 3], limits: [f32; 3]| {
+        let pairs = ranges.iter().zip(widths).zip(limits);
+        pairs.into_iter().all(|((range, width), limit)| range.is_within(last_code(width), limit))
     };
     discs.groups().iter().all(|group| {
-        all(&group.position, widths.position, GREATEST_POSITION)
-            && all(&group.color, widths.color, GREATEST_COLOR)
+        all(&group.position, widths.position, GREATEST_ROOTED)
+            && all(&group.color, widths.color, [GREATEST_COLOR; 3])
             && group.log2_scale.is_within(last_code(widths.scale), GREATEST_LOG2_SCALE)
             && group.opacity.is_within(last_code(widths.opacity), GREATEST_OPACITY)
     })

@@ -241,7 +241,7 @@ pub struct DiscWidths {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct DiscGroup {
-    /// Position x, y, z in units of the frame's size.
+    /// Position x, y and ∛z, in units of the frame's size.
     pub position: [ShortRange; 3],
     /// log₂ of the scales, in units of the frame's size.
     pub log2_scale: ShortRange,

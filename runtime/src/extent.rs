@@ -48,7 +48,9 @@ impl Reach {
         for group in discs.groups() {
             let [a, b, c] = group.position;
             let scale = group.log2_scale.value(last_code(widths.scale));
-            self.add([greatest(a, x), greatest(b, y), greatest(c, z)], scale + log2_factor);
+            let root = greatest(c, z);
+            let furthest = [greatest(a, x), greatest(b, y), root * root * root];
+            self.add(furthest, scale + log2_factor);
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::bits::BitWriter;
 use crate::discs::DiscLayout;
 use crate::order::GROUP_LEN;
-use crate::quant::{Disc, last_code, ycocg_of_rgb};
+use crate::quant::{Disc, last_code, rooted, ycocg_of_rgb};
 use crate::record::{DiscGroup, DiscWidths, ShortRange};
 
 use super::{EncodeError, bytes_of, extent, refuse};
@@ -55,7 +55,8 @@ fn group_of(discs: &[Disc], widths: DiscWidths) -> Result<DiscGroup, EncodeError
     if !discs.iter().all(|disc| disc.angle.is_finite()) {
         return refuse("a Gaussian has a number that is not finite");
     }
-    let position = |i: usize| spanning(discs.iter().map(|d| d.position[i]), widths.position[i]);
+    let position =
+        |i: usize| spanning(discs.iter().map(|d| rooted(d.position)[i]), widths.position[i]);
     let color =
         |i: usize| spanning(discs.iter().map(|d| ycocg_of_rgb(d.color)[i]), widths.color[i]);
     Ok(DiscGroup {

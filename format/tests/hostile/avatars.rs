@@ -293,7 +293,8 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
         assert!(triangles.is_sorted() && triangles.iter().all(|&t| t < header.triangles));
         gaussians += walk_records(&block.records);
     }
-    assert_eq!(gaussians, header.gaussians);
+    let present: u32 = (0..regions).map(|region| avatar.present(region)).sum();
+    assert_eq!(gaussians, present);
     // Between any two levels, in sense or not, there are as many.
     for upper in [0, 1, 2, header.layers - 1, u8::MAX] {
         for lower in [None, Some(0), Some(1), Some(upper)] {
@@ -367,7 +368,7 @@ fn walk_rig(avatar: &Avatar<'_>) {
         assert!(target.vertices.iter().all(|v| v < header.vertices));
         assert_eq!(target.vertices.len(), target.deltas.len());
     }
-    assert_eq!(avatar.clips().count(), usize::from(header.clips));
+    assert!(avatar.clips().count() <= usize::from(header.clips));
     for clip in avatar.clips() {
         assert!(clip.seconds.is_finite());
         for channel in clip.channels() {

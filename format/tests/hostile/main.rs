@@ -88,6 +88,51 @@ fn a_file_cut_short_is_an_error_at_every_length() {
     }
 }
 
+/// Whatever its length, a prefix is an avatar of the Gaussians whose blocks are whole, or too short to have mesh and rig.
+#[test]
+fn every_prefix_behind_the_rig_is_an_avatar() {
+    for (name, source) in all() {
+        let bytes = encode(&source).unwrap();
+        let whole = Avatar::parse(&bytes).unwrap();
+        assert_eq!(Avatar::parse_prefix(&bytes).unwrap().bytes(), whole.bytes(), "{name}");
+        let step = if bytes.len() < 20_000 { 1 } else { 997 };
+        let (mut before, mut passed) = (0, false);
+        for length in (0..bytes.len()).step_by(step) {
+            let avatar = match Avatar::parse_prefix(&bytes[..length]) {
+                Ok(avatar) => avatar,
+                Err(error) => {
+                    assert!(!passed, "{name} cut to {length} bytes: {error}");
+                    continue;
+                }
+            };
+            passed = true;
+            walk(&avatar);
+            let present =
+                (0..usize::from(avatar.header().regions)).map(|r| avatar.present(r)).sum();
+            assert!((before..=avatar.header().gaussians).contains(&present), "{name}");
+            before = present;
+            assert!(avatar.bytes().len() <= length && whole.bytes().starts_with(avatar.bytes()));
+            assert!(avatar.clips().count() <= whole.clips().count());
+        }
+        let blocks = whole.blocks().count();
+        assert!(passed && (before > 0 || blocks == 1), "{name}: {before} Gaussians in a prefix");
+    }
+}
+
+#[test]
+fn a_damaged_prefix_is_an_error() {
+    let bytes = encode(&avatars::many_levels()).unwrap();
+    let cut = &bytes[..bytes.len() * 3 / 4];
+    let end = Avatar::parse_prefix(cut).unwrap().bytes().len();
+    for place in (0..end).step_by(101) {
+        let mut cut = cut.to_vec();
+        cut[place] ^= 16;
+        // A length that is damaged may reach beyond the cut: the prefix ends before.
+        let shorter = Avatar::parse_prefix(&cut).is_ok_and(|avatar| avatar.bytes().len() <= place);
+        assert!(shorter || Avatar::parse_prefix(&cut).is_err(), "byte {place}");
+    }
+}
+
 #[test]
 fn a_byte_too_many_is_an_error() {
     for (name, source) in all() {
@@ -287,7 +332,7 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     }
     // The two blocks the other way round: the second does not follow the first.
     let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
-    let last = sections.len() - 1;
+    let last = sections.iter().rposition(|section| section.0 == *b"BLCK").unwrap();
     sections.swap(last - 1, last);
     assert!(Avatar::parse(&file(&header, &sections)).is_err());
 }
