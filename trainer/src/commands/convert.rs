@@ -14,11 +14,15 @@ use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Trained Gaussians: a PLY of 3D Gaussian Splatting.
-    input: PathBuf,
+    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, or the levels of LapisGS from coarse to fine.
+    #[arg(required = true, value_name = "IN")]
+    inputs: Vec<PathBuf>,
     /// The avatar to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Mesh that carries them (GLB, glTF or OBJ): by the triangles that the file names, or the nearest.
+    #[arg(long, value_name = "MESH")]
+    mesh: Option<PathBuf>,
     /// What the file is taken for [default: what its content says].
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
@@ -43,10 +47,11 @@ struct Missing {
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let output = output::Output::create(&arguments.output)?;
-    let name = arguments.input.display();
-    let (splats, left_out) = convert::read(&arguments.input, arguments.from)?;
+    let Arguments { inputs, mesh, from, .. } = arguments;
+    let (assembly, left_out) = convert::assemble(inputs, mesh.as_deref(), *from)?;
     let LeftOut { faint, wild } = left_out;
-    let bytes = convert::pack(splats).with_context(|| name.to_string())?;
+    let name = inputs.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let bytes = convert::pack(assembly).with_context(|| name.clone())?;
     output.finish(&bytes)?;
     if left_out != LeftOut::default() {
         eprintln!(
