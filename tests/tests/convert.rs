@@ -5,14 +5,12 @@ use std::path::{Path, PathBuf};
 
 use dermis_runtime::{Avatar, Camera, Plan, Pose};
 use dermis_tests::compare::to_reference;
+use dermis_tests::converted::{ALL, exact};
 use dermis_tests::files;
-use dermis_tests::small::WHITE;
 use dermis_tests::splats::SplatPly;
 use dermis_trainer::convert::{self, LeftOut};
-use dermis_trainer::draw::{draw, rgb_of};
+use dermis_trainer::draw::draw;
 use dermis_trainer::mannequin;
-use dermis_trainer::metrics::psnr::psnr_db;
-use dermis_trainer::orbit::Orbit;
 
 fn converted(path: &Path) -> Vec<u8> {
     let (splats, left_out) = convert::read(path, None).unwrap_or_else(|error| panic!("{error:#}"));
@@ -26,29 +24,14 @@ fn written(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
     path
 }
 
-/// The picture of a whole PLY in f64, RGB8.
-fn exact(ply: &SplatPly, camera: &Camera) -> Vec<u8> {
-    let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
-    ply.draw(camera, WHITE).iter().flat_map(|rgb| rgb.map(byte)).collect()
-}
-
-/// The first `budget` Gaussians of a file, drawn by Dermis, against a picture: dB over the pixels that
-/// either touches.
+/// As that of [`dermis_tests::converted`], of the first `budget` Gaussians at rest.
 fn psnr(avatar: &Avatar<'_>, budget: u32, exact: &[u8], camera: &Camera) -> f64 {
     let plan = Plan::with_budget(avatar, budget);
-    let drawn = draw(avatar, &Pose::Rest, &plan, camera, WHITE).expect("it can be drawn");
-    let drawn = rgb_of(&drawn.rgba);
-    let pixels = exact.chunks_exact(3).zip(drawn.chunks_exact(3));
-    let touched: Vec<bool> = pixels.map(|(a, b)| a != [255; 3] || b != [255; 3]).collect();
-    psnr_db(exact, &drawn, Some(&touched)).expect("it is seen")
+    dermis_tests::converted::psnr(avatar, &Pose::Rest, &plan, exact, camera)
 }
 
-/// All of a file's Gaussians.
-const ALL: u32 = u32::MAX;
-
 fn orbit(avatar: &Avatar<'_>, yaw: f32, pitch: f32, distance: Option<f32>, size: u32) -> Camera {
-    let orbit = Orbit { yaw, pitch, distance };
-    orbit.camera(avatar, &Pose::Rest, size, size).expect("it has a box")
+    dermis_tests::converted::orbit(avatar, &Pose::Rest, yaw, pitch, distance, size)
 }
 
 #[test]

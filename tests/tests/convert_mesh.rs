@@ -1,0 +1,192 @@
+//! Gaussians of other programs that hang on a mesh: the same pictures, at rest and in motion.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dermis_format::{FrameKind, RecordKind};
+use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
+use dermis_tests::converted::{ALL, exact, orbit, psnr};
+use dermis_tests::files::{self, SmallMesh};
+use dermis_tests::mounted::{
+    PlainMesh, SplattingAvatar, free_around, gaussian_avatar, gaussian_avatar_in_world,
+};
+use dermis_tests::splats::SplatPly;
+use dermis_trainer::convert::{self, Kind, LeftOut};
+use dermis_trainer::demo::demo_avatar;
+use dermis_trainer::import;
+
+/// Least PSNR of a converted file's pictures, dB over the foreground.
+const LEAST_DB: f64 = 45.0;
+
+fn written(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, bytes).expect("it can be written");
+    path
+}
+
+fn converted(inputs: &[PathBuf], mesh: Option<&Path>, kind: Option<Kind>) -> Vec<u8> {
+    let assembled = convert::assemble(inputs, mesh, kind);
+    let (assembly, left_out) = assembled.unwrap_or_else(|error| panic!("{error:#}"));
+    assert_eq!(left_out, LeftOut::default());
+    convert::pack(assembly).unwrap_or_else(|error| panic!("{error:#}"))
+}
+
+/// Vertices in a pose, world, metres.
+fn vertices(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Vec<[f32; 3]> {
+    let mut scratch = vec![0; Posed::scratch_len(avatar)];
+    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch).expect("it can be posed");
+    posed.vertices().to_vec()
+}
+
+/// Least PSNR of three views.
+fn worst_view(
+    what: &str,
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    world: &SplatPly,
+    size: u32,
+) -> f64 {
+    let plan = Plan::with_budget(avatar, ALL);
+    let mut worst = f64::INFINITY;
+    for (yaw, pitch) in [(0.0, 0.0), (130.0, 25.0), (250.0, -20.0)] {
+        let camera = orbit(avatar, pose, yaw, pitch, None, size);
+        worst = worst.min(psnr(avatar, pose, &plan, &exact(world, &camera), &camera));
+    }
+    println!("{what}: {worst:.2} dB");
+    worst
+}
+
+/// Bends and stretches what stands on a mesh.
+fn bent(mesh: &PlainMesh) -> Vec<[f32; 3]> {
+    let bend = |v: &glam::DVec3| {
+        let (sin, cos) = (0.9 * v.y).sin_cos();
+        let [x, y, z] = [v.x * 1.2, v.y, v.z + 0.3 * v.x].map(|x| x as f32);
+        let (sin, cos) = (sin as f32, cos as f32);
+        [x * cos - z * sin, y * 0.9 + 0.1 * x, x * sin + z * cos]
+    };
+    mesh.vertices.iter().map(bend).collect()
+}
+
+/// The avatar that the program makes itself, as an OBJ file at rest, and what is read of it.
+fn figure(folder: &Path, name: &str) -> (PathBuf, PlainMesh) {
+    let path = written(folder, name, PlainMesh::at_rest(&demo_avatar()).obj());
+    let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
+    (path, mesh)
+}
+
+#[test]
+fn gaussian_avatars_move_as_their_authors_meant() {
+    let folder = files::empty_folder("convert_gaussian_avatars");
+    let (path, mesh) = figure(&folder, "mesh.obj");
+    for degree in [0, 3] {
+        let ply = gaussian_avatar(&mesh, 3000, degree, 4);
+        let input = [written(&folder, "a.ply", ply.bytes())];
+        let bytes = converted(&input, Some(&path), None);
+        assert!(bytes == converted(&input, Some(&path), Some(Kind::GaussianAvatars)));
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let header = avatar.header();
+        assert_eq!((header.frame, header.record), (FrameKind::Edge, RecordKind::Full));
+        assert_eq!((header.gaussians, usize::from(header.harmonics_degree)), (3000, degree));
+        let bent = bent(&mesh);
+        for (what, pose) in [("rest", Pose::Rest), ("bent", Pose::Vertices(&bent))] {
+            let world = gaussian_avatar_in_world(&ply, &mesh.posed(&vertices(&avatar, &pose)));
+            let what = format!("GaussianAvatars of degree {degree}, {what}");
+            let db = worst_view(&what, &avatar, &pose, &world, 200);
+            assert!(db > LEAST_DB, "{what}: {db:.2} dB");
+        }
+        // The mesh of the file is the one that went in.
+        let world = gaussian_avatar_in_world(&ply, &mesh);
+        let db = worst_view("against the mesh as it came", &avatar, &Pose::Rest, &world, 200);
+        assert!(db > LEAST_DB, "{db:.2} dB");
+    }
+}
+
+#[test]
+fn splatting_avatars_are_the_same_in_their_canonical_pose() {
+    let folder = files::empty_folder("convert_splatting_avatar");
+    let (_, mesh) = figure(&folder, "embedding.obj");
+    for degree in [0, 2] {
+        let source = SplattingAvatar::random(&mesh, 3000, degree, 6);
+        written(&folder, "embedding.json", source.embedding("embedding.obj"));
+        let input = [written(&folder, "point_cloud.ply", source.ply.bytes())];
+        let bytes = converted(&input, None, None);
+        assert!(bytes == converted(&input, None, Some(Kind::SplattingAvatar)));
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let db = worst_view(
+            &format!("SplattingAvatar of degree {degree}"),
+            &avatar,
+            &Pose::Rest,
+            &source.in_world(&mesh, &mesh),
+            200,
+        );
+        assert!(db > LEAST_DB, "{db:.2} dB");
+        // As it stands, on request.
+        let bytes = converted(&input, None, Some(Kind::Ply));
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        assert_eq!(avatar.header().frame, FrameKind::World);
+        let db = worst_view("its PLY alone", &avatar, &Pose::Rest, &source.ply, 200);
+        assert!(db > LEAST_DB, "{db:.2} dB");
+    }
+}
+
+#[test]
+fn free_gaussians_stay_in_place_on_a_mesh() {
+    let folder = files::empty_folder("convert_free_on_mesh");
+    let (path, mesh) = figure(&folder, "mesh.obj");
+    for degree in [0, 1] {
+        let ply = free_around(&mesh, 3000, degree, 8);
+        let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let what = format!("free on a mesh, degree {degree}");
+        let db = worst_view(&what, &avatar, &Pose::Rest, &ply, 200);
+        assert!(db > LEAST_DB, "{db:.2} dB");
+        // Moved as one, Gaussians go with it.
+        let aside: Vec<[f32; 3]> =
+            vertices(&avatar, &Pose::Rest).iter().map(|[x, y, z]| [x + 3.0, *y, z - 1.0]).collect();
+        let mut moved = ply.clone();
+        for row in &mut moved.rows {
+            row[0] += 3.0;
+            row[2] -= 1.0;
+        }
+        let db = worst_view("moved as one", &avatar, &Pose::Vertices(&aside), &moved, 200);
+        assert!(db > LEAST_DB, "{db:.2} dB");
+    }
+}
+
+#[test]
+fn meshes_in_glb_carry_too() {
+    let folder = files::empty_folder("convert_glb");
+    let path = written(&folder, "mesh.glb", SmallMesh::pyramid().glb());
+    let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
+    let ply = gaussian_avatar(&mesh, 500, 1, 4);
+    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+    let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+    let world = gaussian_avatar_in_world(&ply, &mesh);
+    let db = worst_view("on a pyramid", &avatar, &Pose::Rest, &world, 120);
+    assert!(db > LEAST_DB, "{db:.2} dB");
+}
+
+#[test]
+fn real_meshes_carry_in_motion() {
+    let Some(data) = files::data("real_meshes_carry_in_motion") else { return };
+    let folder = files::empty_folder("convert_real_meshes");
+    for name in ["valid_male.glb", "CesiumMan.glb", "obj/valid_male.obj"] {
+        let path = data.join(name);
+        let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
+        let local = gaussian_avatar(&mesh, 20_000, 0, 4);
+        let bytes = converted(&[written(&folder, "a.ply", local.bytes())], Some(&path), None);
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let clip = Pose::Clip { clip: 0, seconds: 1.0 };
+        let poses = [("rest", Pose::Rest), ("first clip", clip)];
+        for (what, pose) in poses.into_iter().take(1 + avatar.clips().count().min(1)) {
+            let world = gaussian_avatar_in_world(&local, &mesh.posed(&vertices(&avatar, &pose)));
+            let db = worst_view(&format!("{name}, bound, {what}"), &avatar, &pose, &world, 400);
+            assert!(db > LEAST_DB, "{name}, {what}: {db:.2} dB");
+        }
+        let free = free_around(&mesh, 20_000, 0, 9);
+        let bytes = converted(&[written(&folder, "b.ply", free.bytes())], Some(&path), None);
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let db = worst_view(&format!("{name}, free, rest"), &avatar, &Pose::Rest, &free, 400);
+        assert!(db > LEAST_DB, "{name}: {db:.2} dB");
+    }
+}
