@@ -4,7 +4,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use dermis_format::{FrameKind, PerLevel, ScaleLaw};
-use dermis_runtime::{Avatar, Level, Plan, Pose};
+use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_tests::converted::{exact, orbit, psnr};
 use dermis_tests::files::{self, SmallMesh};
 use dermis_tests::splats::SplatPly;
@@ -18,8 +18,9 @@ fn series(counts: &[usize], degree: usize) -> Vec<SplatPly> {
     let level = |(level, &count): (usize, &usize)| {
         let mut ply = SplatPly { rows: all.rows[..count].to_vec(), ..all.clone() };
         for (index, row) in ply.rows.iter_mut().enumerate() {
+            let own = counts.iter().filter(|&&count| count <= index).count();
             // Some vanish as others come.
-            row[opacity] += level as f32 * [0.5, -0.7, -4.0][index % 3];
+            row[opacity] += (level - own) as f32 * [0.5, -0.7, -4.0][index % 3];
         }
         ply
     };
@@ -40,7 +41,7 @@ fn written(folder: &str, series: &[SplatPly]) -> Vec<PathBuf> {
 fn levels_are_the_files(bytes: &[u8], series: &[SplatPly]) {
     let avatar = Avatar::parse(bytes).expect("what was packed is valid");
     for (level, ply) in series.iter().enumerate() {
-        let plan = Plan::with_level(&avatar, Level::from(level as f32));
+        let plan = Plan::at_level(&avatar, level as f32);
         for (yaw, pitch) in [(20.0, 10.0), (200.0, -30.0)] {
             let camera = orbit(&avatar, &Pose::Rest, yaw, pitch, None, 160);
             let db = psnr(&avatar, &Pose::Rest, &plan, &exact(ply, &camera), &camera);
@@ -48,4 +49,58 @@ fn levels_are_the_files(bytes: &[u8], series: &[SplatPly]) {
             assert!(db > 45.0, "level {level}: {db:.2} dB");
         }
     }
+}
+
+#[test]
+fn each_level_is_the_picture_of_its_file() {
+    for degree in [0, 2] {
+        let series = series(&[300, 900, 2500, 6000], degree);
+        let paths = written("convert_lapisgs", &series);
+        let (assembly, left_out) = convert::assemble(&paths, None, None).expect("it is a series");
+        assert_eq!(left_out, LeftOut::default());
+        let bytes = convert::pack(assembly).expect("what can be read can be packed");
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let header = avatar.header();
+        assert_eq!((header.layers, header.gaussians), (4, 6000));
+        assert_eq!((header.per_level, header.scale_law), (PerLevel::Opacity, ScaleLaw::Constant));
+        levels_are_the_files(&bytes, &series);
+    }
+}
+
+#[test]
+fn what_no_level_shows_is_left_out() {
+    let mut series = series(&[300, 900], 1);
+    for (row, [first, second]) in [(5, [-9.0, -9.0]), (6, [-9.0, 3.0]), (7, [3.0, -9.0])] {
+        series[0] = series[0].with(row, "opacity", first);
+        series[1] = series[1].with(row, "opacity", second);
+    }
+    for ply in &mut series {
+        *ply = ply.with(11, "scale_2", f32::NAN);
+    }
+    let paths = written("convert_lapisgs_left_out", &series);
+    let (assembly, left_out) = convert::assemble(&paths, None, None).expect("it is a series");
+    assert_eq!(left_out, LeftOut { faint: 1, wild: 1 });
+    for ply in &mut series {
+        ply.rows.remove(11);
+    }
+    levels_are_the_files(&convert::pack(assembly).expect("it can be packed"), &series);
+}
+
+#[test]
+fn a_mesh_carries_levels_too() {
+    let series = series(&[300, 900], 0);
+    let mut paths = written("convert_lapisgs_mesh", &series);
+    let mesh = paths[0].with_file_name("mesh.glb");
+    fs::write(&mesh, SmallMesh::pyramid().glb()).expect("it can be written");
+    let assembled = convert::assemble(&paths, Some(&mesh), None);
+    let bytes = convert::pack(assembled.expect("it is a series").0).expect("it can be packed");
+    let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+    assert_eq!((avatar.header().frame, avatar.header().triangles), (FrameKind::Affine, 6));
+    levels_are_the_files(&bytes, &series);
+
+    // Another order is none of this series.
+    paths.reverse();
+    let error = convert::assemble(&paths, None, None).expect_err("fine before coarse");
+    let error = format!("{error:#}");
+    assert!(error.contains("0.ply: has 300 Gaussians, the file before it 900"), "{error}");
 }

@@ -190,3 +190,33 @@ fn real_meshes_carry_in_motion() {
         assert!(db > LEAST_DB, "{name}: {db:.2} dB");
     }
 }
+
+/// What a SplattingAvatar loses in motion, as its authors turn Gaussians by three corners and do not
+/// stretch them.
+#[test]
+fn a_rigged_mesh_moves_a_splatting_avatar() {
+    let Some(data) = files::data("a_rigged_mesh_moves_a_splatting_avatar") else { return };
+    let folder = files::empty_folder("convert_moved_splatting_avatar");
+    let canonical = data.join("obj/valid_male.obj");
+    let mesh = PlainMesh::at_rest(&import::load(&canonical).expect("it can be read"));
+    let source = SplattingAvatar::random(&mesh, 20_000, 0, 6);
+    let name = canonical.canonicalize().expect("it is there").display().to_string();
+    written(&folder, "embedding.json", source.embedding(&name));
+    let input = [written(&folder, "a.ply", source.ply.bytes())];
+    let rigged = data.join("valid_male.glb");
+    let bytes = converted(&input, Some(&rigged), None);
+    let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+    let glb = PlainMesh::at_rest(&import::load(&rigged).expect("it can be read"));
+    let (from, world) = (glb.clone(), source.in_world(&mesh, &mesh));
+    let db = worst_view("SplattingAvatar on a rig, rest", &avatar, &Pose::Rest, &world, 400);
+    assert!(db > 40.0, "{db:.2} dB");
+    for clip in 0..avatar.clips().count() {
+        for seconds in [1.0, 2.5] {
+            let pose = Pose::Clip { clip, seconds };
+            let world = source.in_world(&from, &glb.posed(&vertices(&avatar, &pose)));
+            let what = format!("SplattingAvatar on a rig, clip {clip} at {seconds} s");
+            let db = worst_view(&what, &avatar, &pose, &world, 400);
+            assert!(db > 25.0, "{db:.2} dB");
+        }
+    }
+}
