@@ -264,3 +264,42 @@ pub fn smaller(mut ply: SplatPly, by: f32) -> SplatPly {
 pub fn free_around(mesh: &PlainMesh, count: u32, degree: usize, seed: u64) -> SplatPly {
     SplattingAvatar::random(mesh, count, degree, seed).in_world(mesh, mesh)
 }
+
+/// Flat opaque Gaussians of one colour each, evenly all over a mesh's surface.
+pub fn covering(mesh: &PlainMesh, count: u32, color: impl Fn(DVec3) -> [f32; 3]) -> SplatPly {
+    let mut ply = SplatPly::random(0, 0, 0);
+    let areas: Vec<f64> =
+        (0..mesh.triangles.len()).map(|t| mesh.double_area(t).length() / 2.0).collect();
+    let each = areas.iter().sum::<f64>() / f64::from(count);
+    let mut random = Random::new(31);
+    let (mut passed, mut placed) = (0.0, 0.0);
+    for (triangle, area) in areas.iter().enumerate() {
+        passed += area;
+        while placed + each <= passed {
+            placed += each;
+            let [a, b, c] = mesh.corners(triangle);
+            let [u, v] = [(); 2].map(|()| f64::from(random.unit()));
+            let [u, v] = if u + v > 1.0 { [1.0 - u, 1.0 - v] } else { [u, v] };
+            let position = a + u * (b - a) + v * (c - a);
+            let sigma = each.sqrt();
+            let normal = mesh.double_area(triangle).normalize();
+            let numbers = Numbers {
+                position,
+                rotation: DQuat::from_rotation_arc(DVec3::Z, normal),
+                scale: DVec3::new(sigma, sigma, sigma / 20.0).map(f64::ln),
+            };
+            let rgb = color(position).map(|x| (x - 0.5) / 0.282_094_8);
+            let own = |name: &String| match name.as_str() {
+                "opacity" => 3.0,
+                "f_dc_0" => rgb[0],
+                "f_dc_1" => rgb[1],
+                "f_dc_2" => rgb[2],
+                _ => 0.0,
+            };
+            let mut row: Vec<f32> = ply.names.iter().map(own).collect();
+            numbers.into_row(&ply, &mut row);
+            ply.rows.push(row);
+        }
+    }
+    ply
+}

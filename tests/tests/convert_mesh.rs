@@ -8,12 +8,16 @@ use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
 use dermis_tests::converted::{ALL, exact, orbit, psnr};
 use dermis_tests::files::{self, SmallMesh};
 use dermis_tests::mounted::{
-    PlainMesh, SplattingAvatar, free_around, gaussian_avatar, gaussian_avatar_in_world,
+    PlainMesh, SplattingAvatar, covering, free_around, gaussian_avatar, gaussian_avatar_in_world,
 };
+use dermis_tests::small::WHITE;
 use dermis_tests::splats::SplatPly;
 use dermis_trainer::convert::{self, Kind, LeftOut};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::import;
+use dermis_trainer::model::Material;
+use dermis_trainer::scene::{self, Painter, srgb_encode};
+use glam::{DVec3, Vec3};
 
 /// Least PSNR of a converted file's pictures, dB over the foreground.
 const LEAST_DB: f64 = 45.0;
@@ -58,7 +62,7 @@ fn worst_view(
 
 /// Bends and stretches what stands on a mesh.
 fn bent(mesh: &PlainMesh) -> Vec<[f32; 3]> {
-    let bend = |v: &glam::DVec3| {
+    let bend = |v: &DVec3| {
         let (sin, cos) = (0.9 * v.y).sin_cos();
         let [x, y, z] = [v.x * 1.2, v.y, v.z + 0.3 * v.x].map(|x| x as f32);
         let (sin, cos) = (sin as f32, cos as f32);
@@ -218,5 +222,39 @@ fn a_rigged_mesh_moves_a_splatting_avatar() {
             let db = worst_view(&what, &avatar, &pose, &world, 400);
             assert!(db > 25.0, "{db:.2} dB");
         }
+    }
+}
+
+/// Free Gaussians that cover a mesh at rest, and go with it: against the mesh itself.
+#[test]
+fn a_gait_opens_no_cracks() {
+    let Some(data) = files::data("a_gait_opens_no_cracks") else { return };
+    let folder = files::empty_folder("convert_gait");
+    let path = data.join("Fox.glb");
+    let mut model = import::load(&path).expect("it can be read");
+    // Painted so that what covers it can be, too: by place at rest.
+    model.materials = vec![Material { double_sided: true, ..Material::default() }];
+    model.triangles.iter_mut().for_each(|triangle| triangle.material = 0);
+    let mesh = PlainMesh::at_rest(&model);
+    let paint = |p: DVec3| (p * 0.01 + 0.5).clamp(DVec3::splat(0.05), DVec3::ONE);
+    for (vertex, &place) in model.vertices.iter_mut().zip(&mesh.vertices) {
+        vertex.color = paint(place).as_vec3().extend(1.0);
+    }
+    let cover = covering(&mesh, 20_000, |p| paint(p).to_array().map(|x| srgb_encode(x as f32)));
+    let bytes = converted(&[written(&folder, "a.ply", cover.bytes())], Some(&path), None);
+    let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+    let plan = Plan::with_budget(&avatar, ALL);
+    let painter = Painter::new(&model);
+    for clip in 0..avatar.clips().count() {
+        let mut mean = 0.0;
+        for (seconds, yaw) in [(0.1, 30.0), (0.3, 120.0), (0.5, 250.0), (0.6, 330.0)] {
+            let pose = Pose::Clip { clip, seconds };
+            let camera = orbit(&avatar, &pose, yaw, 15.0, None, 300);
+            let posed: Vec<Vec3> = vertices(&avatar, &pose).into_iter().map(Vec3::from).collect();
+            let truth = scene::render(&painter, &posed, &camera, WHITE, 4).picture.to_bytes();
+            mean += psnr(&avatar, &pose, &plan, &truth, &camera) / 4.0;
+        }
+        println!("Fox, clip {clip}: {mean:.2} dB");
+        assert!(mean > 20.0, "{mean:.2} dB");
     }
 }

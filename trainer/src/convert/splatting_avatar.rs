@@ -6,17 +6,20 @@
 //! coordinates; `_rotation` is its rotation in the canonical pose. Position and rotation of the PLY are
 //! those of the pose in which it was saved, and are not used; scales, colours and opacities are.
 //!
-//! In the canonical pose the avatar is the same. In other poses its authors mix rotations of three
-//! corners and leave the size of Gaussians as it is; here they follow their triangle.
+//! In the canonical pose the avatar is the same. In other poses its authors mix the rotations of three
+//! corners and leave the size of Gaussians as it is; here they follow their triangle, in Area frames: they
+//! turn and grow with it, but are not sheared, which is nearer to what the authors do than an affine frame
+//! (`notes/convert.md` has the figures).
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
+use dermis_format::FrameKind;
 use glam::DVec3;
 use serde::Deserialize;
 
 use super::assembly::{Assembly, Carrier, Mount};
-use super::bind::{self, hang};
+use super::bind::hang;
 use super::splats::{LeftOut, Splat, Splats};
 use crate::model::Model;
 use crate::{import, output};
@@ -38,6 +41,9 @@ struct Embedding {
     rotation: Option<Vec<[f64; 4]>>,
 }
 
+/// The frames in which its Gaussians stand.
+const FRAME: FrameKind = FrameKind::Area;
+
 /// Where the embedding of a PLY lies.
 pub(super) fn embedding(ply: &Path) -> PathBuf {
     ply.with_file_name("embedding.json")
@@ -55,7 +61,7 @@ pub(super) fn read(path: &Path, moving: Option<Carrier>) -> Result<(Assembly, Le
     let place = || path.display().to_string();
     let (mut splats, triangles, left_out) =
         standing(path, &embedding, &model).with_context(place)?;
-    let triangles = hang(&mut splats, &canonical, &triangles).with_context(name)?;
+    let triangles = hang(&mut splats, &canonical, FRAME, &triangles).with_context(name)?;
     let carrier = moving.unwrap_or_else(|| canonical.clone());
     let (given, own) = (carrier.triangles(), canonical.triangles());
     ensure!(
@@ -64,7 +70,7 @@ pub(super) fn read(path: &Path, moving: Option<Carrier>) -> Result<(Assembly, Le
          same triangles in the same order",
         name()
     );
-    let mount = Mount { carrier, frame: bind::FRAME, triangles };
+    let mount = Mount { carrier, frame: FRAME, triangles };
     Ok((Assembly { splats, mount: Some(mount), levels: None }, left_out))
 }
 
@@ -87,13 +93,11 @@ impl Embedding {
                 "its {part} has {len} entries, its sample_fidxs {count}; export it again"
             );
         }
-        let outside = self.sample_fidxs.iter().position(|&t| t as usize >= triangles);
-        if let Some(index) = outside {
+        for (index, &triangle) in self.sample_fidxs.iter().enumerate() {
             ensure!(
-                false,
-                "sample_fidxs {index} is {}, but {} has the triangles 0 to {}; give the mesh that it \
-                 was trained on",
-                self.sample_fidxs[index],
+                (triangle as usize) < triangles,
+                "its sample_fidxs {index} is {triangle}, but {} has the triangles 0 to {}; give the \
+                 mesh that it was trained on",
                 self.cano_mesh.display(),
                 triangles - 1
             );
