@@ -1,11 +1,10 @@
 //! What a file is made of: Gaussians, the mesh that carries them, the levels they change at.
 
+use anyhow::{Context, Result};
 use dermis_format::source::Source;
 use dermis_format::{Avatar, FrameKind};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::{Kernel, Pose, Posed};
-
-use anyhow::Result;
 
 use super::splats::Splats;
 use crate::model::Model;
@@ -45,6 +44,8 @@ pub struct Levels {
 /// A mesh to hang Gaussians on, as the runtime will pose it.
 #[derive(Clone, Debug)]
 pub struct Carrier {
+    /// Its file, for errors.
+    pub(super) name: String,
     /// Mesh, rig and clips, both sides of every triangle shown: free Gaussians have no back.
     pub(super) source: Source,
     /// World, metres, at rest.
@@ -70,20 +71,20 @@ impl Mount {
 }
 
 impl Carrier {
-    /// A mesh with its rig and clips.
+    /// A mesh with its rig and clips, from the file `name`.
     ///
     /// # Errors
     ///
     /// Where the format cannot hold it.
-    pub fn of(model: &Model) -> Result<Self> {
+    pub fn of(model: &Model, name: String) -> Result<Self> {
         let mut source = package::rigged_mesh(model);
         source.mesh.two_sided.fill(true);
         // Positions and weights are rounded in a file: what counts is where the runtime puts them.
-        let bytes = package::encode(&source)?;
+        let bytes = package::encode(&source).with_context(|| name.clone())?;
         let avatar = Avatar::parse(&bytes)?;
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let posed = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
-        Ok(Self { vertices: posed.vertices().to_vec(), source })
+        Ok(Self { vertices: posed.vertices().to_vec(), name, source })
     }
 
     /// How many triangles it has.

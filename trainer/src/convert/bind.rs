@@ -51,13 +51,14 @@ pub(super) fn hang(
     };
     let triangles: Option<Vec<u32>> =
         splats.gaussians.par_iter_mut().enumerate().map(bind).collect();
-    let triangles = triangles.context(
-        "the mesh has no triangle to hang Gaussians on, as all are flat; give another with --mesh",
-    )?;
+    let triangles = triangles.with_context(|| {
+        format!("{}: all its triangles are too flat to carry Gaussians; give another", mesh.name)
+    })?;
     let is_near = |x: &f32| x.abs() <= FARTHEST;
     ensure!(
         splats.gaussians.iter().all(|g| g.position.iter().all(is_near)),
-        "a Gaussian is too far from the mesh; is it in the same place and of the same size?"
+        "{}: is too far from a Gaussian; has it the same place and size?",
+        mesh.name
     );
     Ok(triangles)
 }

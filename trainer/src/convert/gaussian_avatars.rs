@@ -25,8 +25,9 @@ pub(super) fn read(path: &Path, carrier: Carrier) -> Result<(Assembly, LeftOut)>
         let binding = more[0];
         ensure!(
             binding >= 0.0 && binding < count as f64 && binding.fract() == 0.0,
-            "vertex row {row}: its {BINDING} is {binding}, but the mesh has the triangles 0 to {}; \
-             give the mesh that it was trained on",
+            "vertex row {row}: its {BINDING} is {binding}, but {} has the triangles 0 to {}; give the \
+             mesh that it was trained on",
+            carrier.name,
             count - 1
         );
         if splats.push(splat, &mut left_out) {

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use dermis_format::header::MAX_LAYERS;
 
 use super::assembly::{Assembly, Levels};
@@ -30,11 +30,12 @@ struct Series {
 
 /// Reads the files from coarse to fine.
 pub(super) fn read(paths: &[PathBuf]) -> Result<(Assembly, LeftOut)> {
-    ensure!(
-        paths.len() <= MAX_LAYERS,
-        "{} files are more levels than the {MAX_LAYERS} that the format holds; leave some out",
-        paths.len()
-    );
+    if let Some(path) = paths.get(MAX_LAYERS) {
+        bail!(
+            "{}: is one level more than the {MAX_LAYERS} that the format holds; leave some files out",
+            path.display()
+        );
+    }
     let mut series = Series::default();
     for path in paths {
         series.add(path).with_context(|| path.display().to_string())?;

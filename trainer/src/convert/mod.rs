@@ -12,7 +12,7 @@
 //!
 //! Harmonics are kept as they are. The format looks them up by the direction in world axes, so they
 //! do not turn with what carries a Gaussian: a highlight stays on the side of the room where it was
-//! trained, also where an arm turns. The programs above do the same.
+//! trained, also where an arm turns. GaussianAvatars and, by default, SplattingAvatar do the same.
 //!
 //! Files are hostile until proven otherwise: what a header claims is held against the bytes that
 //! are there before anything is read. Errors are one line when printed with `{:#}`.
@@ -101,7 +101,7 @@ pub fn assemble(
         kind => read(first, kind).map(|(splats, left_out)| (splats.into(), left_out))?,
     };
     let assembly = match carrier {
-        Some(carrier) => bind::to_nearest(free, carrier).with_context(name)?,
+        Some(carrier) => bind::to_nearest(free, carrier)?,
         None => free,
     };
     Ok((assembly, left_out))
@@ -122,7 +122,7 @@ fn guess(inputs: &[PathBuf]) -> Option<Kind> {
 
 /// Reads a mesh to hang Gaussians on.
 fn carrier(path: &Path) -> Result<Carrier> {
-    Carrier::of(&import::load(path)?).with_context(|| path.display().to_string())
+    Carrier::of(&import::load(path)?, path.display().to_string())
 }
 
 /// Opens a PLY of 3D Gaussian Splatting and reads its header.

@@ -55,20 +55,21 @@ pub(super) fn read(path: &Path, moving: Option<Carrier>) -> Result<(Assembly, Le
     let json = embedding(path);
     let name = || json.display().to_string();
     let embedding = parse(&output::read(&json)?).with_context(name)?;
-    let model = import::load(&json.with_file_name(&embedding.cano_mesh)).with_context(name)?;
-    let canonical = Carrier::of(&model).with_context(|| model.name.clone())?;
+    let mesh = json.with_file_name(&embedding.cano_mesh);
+    let model = import::load(&mesh).with_context(name)?;
+    let canonical = Carrier::of(&model, mesh.display().to_string())?;
     embedding.check(model.triangles.len()).with_context(name)?;
     let place = || path.display().to_string();
     let (mut splats, triangles, left_out) =
         standing(path, &embedding, &model).with_context(place)?;
-    let triangles = hang(&mut splats, &canonical, FRAME, &triangles).with_context(name)?;
+    let triangles = hang(&mut splats, &canonical, FRAME, &triangles)?;
     let carrier = moving.unwrap_or_else(|| canonical.clone());
     let (given, own) = (carrier.triangles(), canonical.triangles());
     ensure!(
         given == own,
-        "{}: its mesh has {own} triangles, the one given with --mesh {given}; give one with the \
-         same triangles in the same order",
-        name()
+        "{}: has {given} triangles, {} has {own}; give a mesh with the same ones in the same order",
+        carrier.name,
+        canonical.name
     );
     let mount = Mount { carrier, frame: FRAME, triangles };
     Ok((Assembly { splats, mount: Some(mount), levels: None }, left_out))
