@@ -85,6 +85,9 @@ fn gaussian_avatars_that_do_not_fit_are_refused() {
     // Flat as a needle, all of it.
     write(&folder, "needle.obj", "v 0 0 0\nv 1 0 0\nv 0.5 0.001 0\nf 1 2 3\n");
     fails("free.ply --mesh needle.obj", &["needle.obj: ", "flat", "; "]);
+    // A mesh of a picometre beside Gaussians of centimetres.
+    write(&folder, "tiny.obj", "v 0 0 0\nv 1e-12 0 0\nv 0 1e-12 0\nf 1 2 3\n");
+    fails("free.ply --mesh tiny.obj", &["tiny.obj: ", "too small", "; "]);
     // A rotation of length 0 is none, as everywhere.
     let zero = (0..4).fold(ply, |ply, i| ply.with(2, &format!("rot_{i}"), 0.0));
     write(&folder, "zero.ply", zero.bytes());
@@ -116,7 +119,7 @@ fn embeddings_that_do_not_fit_are_refused() {
         ("list", "[1, 2, 3]".into(), "invalid type"),
         ("nothing", "{}".into(), "cano_mesh"),
         ("cut", whole[..whole.len() / 2].into(), "EOF"),
-        ("deep", deep, "recursion"),
+        ("deep", deep, "EOF"),
         ("no_bary", with("sample_bary", "other"), "sample_bary"),
         ("no_xyz", with("_xyz", "other"), "_xyz"),
         ("twice", with("{", r#"{"cano_mesh": "mesh.obj", "#), "duplicate"),

@@ -18,8 +18,9 @@ use super::splats::Splats;
 /// opens in another pose would draw a Gaussian out without end.
 const FLATTEST: f64 = 1.0 / 32.0;
 
-/// In units of a frame, far within the format's limit.
+/// Farthest place in units of a frame, and log₂ of the greatest scale: within the format's limits.
 const FARTHEST: f32 = 1e9;
+const GREATEST_LOG2_SCALE: f32 = 39.0;
 
 /// Binds each Gaussian to the nearest triangle of the mesh at rest.
 pub(super) fn to_nearest(mut free: Assembly, carrier: Carrier) -> Result<Assembly> {
@@ -54,10 +55,13 @@ pub(super) fn hang(
     let triangles = triangles.with_context(|| {
         format!("{}: all its triangles are too flat to carry Gaussians; give another", mesh.name)
     })?;
-    let is_near = |x: &f32| x.abs() <= FARTHEST;
+    let fits = |g: &Full| {
+        g.position.iter().all(|x| x.abs() <= FARTHEST)
+            && g.log2_scale.iter().all(|&s| s <= GREATEST_LOG2_SCALE)
+    };
     ensure!(
-        splats.gaussians.iter().all(|g| g.position.iter().all(is_near)),
-        "{}: is too far from a Gaussian; has it the same place and size?",
+        splats.gaussians.iter().all(fits),
+        "{}: is too small for a Gaussian or too far from it; give one of the same place and size",
         mesh.name
     );
     Ok(triangles)
