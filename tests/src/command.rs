@@ -82,11 +82,7 @@ pub fn run(folder: &Path, arguments: &str) -> Run {
 }
 
 /// Runs, and checks that the folder holds what it held and nothing was printed.
-///
-/// # Panics
-///
-/// Where it is not so.
-pub fn run_in_vain(folder: &Path, arguments: &str) -> Run {
+fn run_in_vain(folder: &Path, arguments: &str) -> Run {
     let before = crate::files::names(folder);
     let run = run(folder, arguments);
     assert_eq!(run.stdout, "", "{arguments}: nothing on stdout");

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use dermis_tests::command::{dermis, fails, misuses, run, run_in_vain};
+use dermis_tests::command::{dermis, fails, misuses, run};
 use dermis_tests::files::{SmallMesh, empty_folder, names};
 use dermis_tests::small::{options, trained_demo};
 use dermis_tests::splats::SplatPly;

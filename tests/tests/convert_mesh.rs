@@ -158,6 +158,22 @@ fn free_gaussians_stay_in_place_on_a_mesh() {
 }
 
 #[test]
+fn flat_triangles_carry_nothing() {
+    let folder = files::empty_folder("convert_flat_triangles");
+    let (_, mesh) = figure(&folder, "plain.obj");
+    let ply = free_around(&mesh, 2000, 0, 8);
+    // Before each triangle two that lie on its edges: none is farther, and their indices are lower.
+    let flat = |&[a, b, c]: &[u32; 3]| [[a, b, a], [c, c, b], [a, b, c]];
+    let mixed = PlainMesh { triangles: mesh.triangles.iter().flat_map(flat).collect(), ..mesh };
+    let path = written(&folder, "mesh.obj", mixed.obj());
+    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+    let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+    assert_eq!(avatar.header().triangles as usize, mixed.triangles.len());
+    let db = worst_view("beside flat triangles", &avatar, &Pose::Rest, &ply, 200);
+    assert!(db > LEAST_DB, "{db:.2} dB");
+}
+
+#[test]
 fn meshes_in_glb_carry_too() {
     let folder = files::empty_folder("convert_glb");
     let path = written(&folder, "mesh.glb", SmallMesh::pyramid().glb());
