@@ -1,16 +1,20 @@
 //! A block: a band of one region's nested order, self-contained.
 
+use crate::discs::Discs;
 use crate::error::{Error, malformed};
 use crate::header::{FrameKind, Header, PerLevel, RecordKind};
-use crate::level::split_groups;
-use crate::order::BLOCK_LEN;
-use crate::record::{DiscRecord, FullRecord, GroupRecord, U16, plane, take_plane};
+use crate::order::{BLOCK_LEN, GROUP_LEN};
+use crate::quant::{Full, Linear, last_code};
+use crate::record::{BlockRecord, FullGroup, FullRecord, ShortRange, plane, take_plane};
+use crate::triangles::Triangles;
 
 /// Positions and log₂ scales beyond this are refused, so that no arithmetic of a reader overflows:
-/// 2⁴⁰ frame sizes.
-const GREATEST_POSITION: f32 = 1.0e12;
-const GREATEST_LOG2_SCALE: f32 = 40.0;
-const GREATEST_COLOR: f32 = 1.0e3;
+/// 2⁴¹ frame sizes.
+const GREATEST_POSITION: f32 = 2.0e12;
+const GREATEST_LOG2_SCALE: f32 = 41.0;
+const GREATEST_COLOR: f32 = 2.0e3;
+/// Ranges reach a little beyond what they hold, which is 1 at most.
+const GREATEST_OPACITY: f32 = 2.0;
 
 /// A checked block.
 #[derive(Clone, Copy, Debug)]
@@ -23,10 +27,8 @@ pub struct Block<'a> {
     pub first: u32,
     /// Gaussians in it.
     pub count: u32,
-    /// Ranges; their counts add up to `count`.
-    pub groups: &'a [GroupRecord],
-    /// Triangle of each Gaussian relative to its group; empty without a mesh.
-    pub triangles: &'a [U16],
+    /// Triangle of each Gaussian; empty without a mesh.
+    pub triangles: Triangles<'a>,
     /// Each Gaussian.
     pub records: Records<'a>,
     /// Opacities of each Gaussian at the levels after its own layer, `later_levels` each.
@@ -36,54 +38,62 @@ pub struct Block<'a> {
     /// Spherical harmonics of each Gaussian: i8 codes, coefficient by coefficient, (r, g, b) each.
     pub harmonics: &'a [i8],
     /// Where the block is seen between two levels ([`crate::walk`]), its Gaussians at the lower one.
-    pub below: Option<Below<'a>>,
-}
-
-/// The Gaussians of a block at another level: their triangles are the block's.
-#[derive(Clone, Copy, Debug)]
-pub struct Below<'a> {
-    /// As many as the block's, of the same counts and base triangles.
-    pub groups: &'a [GroupRecord],
-    /// Each Gaussian.
-    pub records: Records<'a>,
+    pub below: Option<Discs<'a>>,
 }
 
 /// Records of a block.
 #[derive(Clone, Copy, Debug)]
 pub enum Records<'a> {
     /// Discs.
-    Disc(&'a [DiscRecord]),
+    Disc(Discs<'a>),
     /// Gaussians with rotation and three scales.
-    Full(&'a [FullRecord]),
+    Full(Fulls<'a>),
 }
 
-impl Records<'_> {
-    /// The greatest code of a position.
-    pub fn last_position_code(&self) -> u16 {
-        match self {
-            Self::Disc(_) => 255,
-            Self::Full(_) => u16::MAX,
-        }
+/// Gaussians with rotation and three scales.
+#[derive(Clone, Copy, Debug)]
+pub struct Fulls<'a> {
+    /// Ranges of 256 Gaussians each, in a row.
+    pub groups: &'a [FullGroup],
+    /// Each Gaussian.
+    pub records: &'a [FullRecord],
+}
+
+impl<'a> Fulls<'a> {
+    fn split(bytes: &'a [u8], len: usize) -> Option<(Self, &'a [u8])> {
+        let (groups, rest) = take_plane(bytes, len.div_ceil(GROUP_LEN))?;
+        let (records, rest) = take_plane(rest, len)?;
+        Some((Self { groups, records }, rest))
+    }
+
+    /// Gaussian `index`, decoded.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<Full> {
+        Some(self.groups.get(index / GROUP_LEN)?.full(self.records.get(index)?))
+    }
+
+    /// All of them, decoded.
+    pub fn iter(&self) -> impl Iterator<Item = Full> + '_ {
+        (0..self.records.len()).filter_map(|index| self.get(index))
     }
 }
 
 impl<'a> Block<'a> {
     /// Splits a block's payload into planes. Lengths are checked, numbers are not.
     pub(crate) fn split(payload: &'a [u8], header: &Header) -> Option<Self> {
-        let (head, groups, rest) = split_groups(payload)?;
-        let count = head.count.get();
-        if count == 0 || count > BLOCK_LEN {
-            return None;
-        }
+        let (head, rest) = split_head(payload)?;
+        let count = u32::from(head.count.get());
         let n = count as usize;
-        let (triangles, rest) =
-            take_plane(rest, if header.frame == FrameKind::World { 0 } else { n })?;
+        let (triangles, rest) = match header.frame {
+            FrameKind::World => (Triangles::default(), rest),
+            _ => Triangles::split(rest, count)?,
+        };
         let (records, rest) = match header.record {
             RecordKind::Disc => {
-                take_plane(rest, n).map(|(plane, rest)| (Records::Disc(plane), rest))?
+                Discs::split(rest, n).map(|(discs, rest)| (Records::Disc(discs), rest))?
             }
             RecordKind::Full => {
-                take_plane(rest, n).map(|(plane, rest)| (Records::Full(plane), rest))?
+                Fulls::split(rest, n).map(|(fulls, rest)| (Records::Full(fulls), rest))?
             }
         };
         let later_levels = if header.per_level == PerLevel::Opacity {
@@ -98,7 +108,6 @@ impl<'a> Block<'a> {
             layer: head.layer,
             first: head.first.get(),
             count,
-            groups,
             triangles,
             records,
             opacities,
@@ -114,34 +123,46 @@ impl<'a> Block<'a> {
         if self.region >= header.regions || self.layer >= header.layers {
             return malformed("block", "its region or layer does not exist");
         }
-        let mut place = 0;
-        for group in self.groups {
-            let count = usize::from(group.count_less_one) + 1;
-            if !has_valid_ranges(group, self.records.last_position_code()) {
-                return malformed("block", "a range is not finite, descends or is too large");
-            }
-            if header.frame != FrameKind::World {
-                let Some(triangles) = self.triangles.get(place..place + count) else {
-                    return malformed("block", "its groups hold more Gaussians than the block");
-                };
-                let base = group.base_triangle.get();
-                let furthest = triangles.iter().map(|t| t.get()).max().unwrap_or(0);
-                if u64::from(base) + u64::from(furthest) >= u64::from(header.triangles) {
-                    return malformed("block", "a Gaussian's triangle does not exist");
-                }
-            }
-            place += count;
+        let valid = match &self.records {
+            Records::Disc(discs) => have_valid_ranges(discs),
+            Records::Full(fulls) => fulls.groups.iter().all(is_valid_full_group),
+        };
+        if !valid {
+            return malformed("block", "a range is not finite, descends or is too large");
         }
-        if place != self.count as usize {
-            return malformed("block", "its groups do not add up to its Gaussians");
+        if header.frame != FrameKind::World && !self.triangles.are_valid(header.triangles) {
+            return malformed(
+                "block",
+                "its triangles are not as many as its Gaussians, or one does not exist",
+            );
         }
         Ok(())
     }
 }
 
-/// Whether every number of a group is finite and small enough; positions have codes up to `last`.
-pub(crate) fn has_valid_ranges(group: &GroupRecord, last: u16) -> bool {
-    group.position.iter().all(|range| range.is_within(last, GREATEST_POSITION))
+/// The head of a block or a level, of 1 to 4,096 Gaussians, and what follows.
+pub(crate) fn split_head(payload: &[u8]) -> Option<(&BlockRecord, &[u8])> {
+    let (head, rest) = take_plane::<BlockRecord>(payload, 1)?;
+    let head = head.first()?;
+    (1..=BLOCK_LEN).contains(&head.count.get().into()).then_some((head, rest))
+}
+
+/// Whether every number of every group is finite and small enough.
+pub(crate) fn have_valid_ranges(discs: &Discs<'_>) -> bool {
+    let widths = discs.layout().widths();
+    let all = |ranges: &[ShortRange; 3], widths: [u8; 3], limit: f32| {
+        ranges.iter().zip(widths).all(|(range, width)| range.is_within(last_code(width), limit))
+    };
+    discs.groups().iter().all(|group| {
+        all(&group.position, widths.position, GREATEST_POSITION)
+            && all(&group.color, widths.color, GREATEST_COLOR)
+            && group.log2_scale.is_within(last_code(widths.scale), GREATEST_LOG2_SCALE)
+            && group.opacity.is_within(last_code(widths.opacity), GREATEST_OPACITY)
+    })
+}
+
+fn is_valid_full_group(group: &FullGroup) -> bool {
+    group.position.iter().all(|range| range.is_within(u16::MAX, GREATEST_POSITION))
         && group.log2_scale.is_within(255, GREATEST_LOG2_SCALE)
         && group.color.iter().all(|range| range.is_within(255, GREATEST_COLOR))
         && group.harmonics_step.get().abs() <= GREATEST_COLOR

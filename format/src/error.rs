@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::section::VERSION;
+
 /// Why bytes are not an avatar. Names the place (a section of SPEC.md) and the cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Error {
@@ -53,9 +55,11 @@ impl fmt::Display for Error {
                 )
             }
             Self::Version { found } => {
+                let remedy =
+                    if found > VERSION { "update Dermis" } else { "train or convert again" };
                 write!(
                     f,
-                    "version {found} of the format is not supported (this reads version 1); update Dermis"
+                    "version {found} of the format is not supported (this reads version {VERSION}); {remedy}"
                 )
             }
         }

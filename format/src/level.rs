@@ -1,13 +1,11 @@
 //! A level: the Gaussians of an earlier block with parameters of their own at a later level.
 //!
-//! Triangles, and how the Gaussians fall into groups, are the block's, so that both can be walked side by
-//! side ([`crate::walk`]).
+//! Triangles are the block's, so that both can be walked side by side ([`crate::walk`]).
 
-use crate::block::{Records, has_valid_ranges};
+use crate::block::{have_valid_ranges, split_head};
+use crate::discs::Discs;
 use crate::error::{Error, malformed};
 use crate::header::Header;
-use crate::order::BLOCK_LEN;
-use crate::record::{BlockRecord, GroupRecord, plane, take_plane};
 
 /// A checked level of a block.
 #[derive(Clone, Copy, Debug)]
@@ -20,27 +18,18 @@ pub struct Level<'a> {
     pub first: u32,
     /// Gaussians in it, as in the block.
     pub count: u32,
-    /// Ranges; of the same counts and base triangles as the block's.
-    pub groups: &'a [GroupRecord],
-    /// Each Gaussian: discs.
-    pub records: Records<'a>,
+    /// Each Gaussian.
+    pub discs: Discs<'a>,
 }
 
 impl<'a> Level<'a> {
     /// Splits a level's payload into planes. Lengths are checked, numbers are not.
     pub(crate) fn split(payload: &'a [u8]) -> Option<Self> {
-        let (head, groups, rest) = split_groups(payload)?;
-        let count = head.count.get();
-        let records = plane(rest)?;
-        let level = Self {
-            region: head.region,
-            level: head.layer,
-            first: head.first.get(),
-            count,
-            groups,
-            records: Records::Disc(records),
-        };
-        (count > 0 && count <= BLOCK_LEN && records.len() == count as usize).then_some(level)
+        let (head, rest) = split_head(payload)?;
+        let count = u32::from(head.count.get());
+        let (discs, rest) = Discs::split(rest, count as usize)?;
+        let (region, level, first) = (head.region, head.layer, head.first.get());
+        rest.is_empty().then_some(Self { region, level, first, count, discs })
     }
 
     /// Checks every number.
@@ -48,21 +37,9 @@ impl<'a> Level<'a> {
         if self.region >= header.regions || self.level >= header.layers {
             return malformed("LEVL", "its region or level does not exist");
         }
-        if !self.groups.iter().all(|group| has_valid_ranges(group, 255)) {
+        if !have_valid_ranges(&self.discs) {
             return malformed("LEVL", "a range is not finite, descends or is too large");
-        }
-        let sum: u32 = self.groups.iter().map(|group| u32::from(group.count_less_one) + 1).sum();
-        if sum != self.count {
-            return malformed("LEVL", "its groups do not add up to its Gaussians");
         }
         Ok(())
     }
-}
-
-/// What blocks and levels start with: their head and groups, and the rest.
-pub(crate) fn split_groups(payload: &[u8]) -> Option<(&BlockRecord, &[GroupRecord], &[u8])> {
-    let (head, rest) = take_plane::<BlockRecord>(payload, 1)?;
-    let head = head.first()?;
-    let (groups, rest) = take_plane(rest, usize::from(head.groups.get()))?;
-    Some((head, groups, rest))
 }

@@ -1,4 +1,4 @@
-//! The `.dermis` container, version 1: a layered Gaussian avatar bound to a skinned mesh.
+//! The `.dermis` container, version 2: a layered Gaussian avatar bound to a skinned mesh.
 //!
 //! The bytes are normative in `SPEC.md`; this crate is one program that reads and writes them.
 //! Reading is `no_std`, needs no heap and copies nothing: [`Avatar::parse`] checks every length,
@@ -8,7 +8,7 @@
 //! 1. [`section`] cuts the bytes into tagged sections, each with a CRC32.
 //! 2. [`header`] says what the file holds and how wide its records are.
 //! 3. [`record`] names every byte of the planes of fixed-size records.
-//! 4. [`block`] is a band of a region's nested order, self-contained.
+//! 4. [`block`] is a band of a region's nested order, self-contained: [`discs`] packed bit by bit, on [`triangles`].
 //! 5. [`level`] is a block's Gaussians at a later level, [`walk`] puts both side by side.
 //! 6. [`quant`] turns codes into numbers, and back.
 //! 7. [`order`] states which Gaussians of a block come first.
@@ -17,7 +17,9 @@
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;
+mod bits;
 pub mod block;
+pub mod discs;
 pub mod error;
 pub mod header;
 pub mod level;
@@ -29,14 +31,18 @@ pub mod rig;
 pub mod section;
 #[cfg(feature = "std")]
 pub mod source;
+pub mod triangles;
 pub mod walk;
 #[cfg(feature = "std")]
 pub mod writer;
 
 pub use avatar::Avatar;
-pub use block::{Below, Block, Records};
+pub use block::{Block, Fulls, Records};
+pub use discs::{DiscLayout, Discs};
 pub use error::Error;
 pub use header::{FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};
 pub use level::Level;
 pub use quant::{Disc, Full};
+pub use record::DiscWidths;
+pub use triangles::Triangles;
 pub use walk::Levels;

@@ -15,6 +15,8 @@
 
 /// At most this many Gaussians stand in a block.
 pub const BLOCK_LEN: u32 = 4096;
+/// So many Gaussians of a block in a row share ranges; the last ones of it may be fewer.
+pub const GROUP_LEN: usize = 256;
 
 /// Rank of the Gaussian at place `place` of a block of `count`: a permutation of 0..count. `place` is
 /// below `count`.

@@ -2,7 +2,8 @@
 
 use core::ops::{Add, Mul, Sub};
 
-use crate::record::{DiscRecord, FullRecord, GroupRecord, Range};
+use crate::discs::DiscLayout;
+use crate::record::{Bf16, DiscGroup, FullGroup, FullRecord, Range, ShortRange};
 
 /// A flat disc in the frame of its triangle, or several side by side. Lengths in units of the frame's size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -18,6 +19,19 @@ pub struct Disc<F = f32> {
     pub color: [F; 3],
     /// In [0, 1].
     pub opacity: F,
+}
+
+impl<F: Copy> Disc<F> {
+    /// A disc of other numbers.
+    pub fn map<G>(self, f: impl Fn(F) -> G) -> Disc<G> {
+        Disc {
+            position: self.position.map(&f),
+            angle: f(self.angle),
+            log2_scale: self.log2_scale.map(&f),
+            color: self.color.map(&f),
+            opacity: f(self.opacity),
+        }
+    }
 }
 
 /// A Gaussian with rotation and three scales, or several side by side. Lengths in units of the frame's size.
@@ -41,9 +55,59 @@ pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
 
 impl<F: Copy + Add<Output = F> + Sub<Output = F> + Mul<Output = F>> Number for F {}
 
+/// Codes to numbers: `offset + code · step`.
+pub trait Linear: Copy {
+    /// Value of code 0, and difference between codes.
+    fn parts(self) -> (f32, f32);
+
+    /// offset + code · step, of one code or of several side by side; `constant` makes an `F` of an f32.
+    #[inline(always)]
+    fn decode<F: Number>(self, code: F, constant: &impl Fn(f32) -> F) -> F {
+        let (offset, step) = self.parts();
+        constant(offset) + code * constant(step)
+    }
+
+    /// The value of a code.
+    #[inline]
+    fn value(self, code: u16) -> f32 {
+        self.decode(f32::from(code), &|x| x)
+    }
+
+    /// The nearest code to `value`, in 0..=`last`.
+    fn code(self, value: f32, last: u16) -> u16 {
+        let (offset, step) = self.parts();
+        if step > 0.0 {
+            // Saturates; NaN becomes 0.
+            (((value - offset) / step + 0.5) as u16).min(last)
+        } else {
+            0
+        }
+    }
+
+    /// Whether every code up to `last` has a finite value of at most `limit`.
+    fn is_within(self, last: u16, limit: f32) -> bool {
+        let ((low, step), high) = (self.parts(), self.value(last));
+        low.abs() <= limit && high.abs() <= limit && step >= 0.0
+    }
+}
+
+impl Linear for Range {
+    #[inline(always)]
+    fn parts(self) -> (f32, f32) {
+        (self.offset.get(), self.step.get())
+    }
+}
+
+impl Linear for ShortRange {
+    #[inline(always)]
+    fn parts(self) -> (f32, f32) {
+        (self.offset.get(), self.step.get())
+    }
+}
+
 #[inline(always)]
 fn decode_each<F: Number>(
-    ranges: &[Range; 3],
+    ranges: &[impl Linear; 3],
     codes: [F; 3],
     constant: &impl Fn(f32) -> F,
 ) -> [F; 3] {
@@ -51,59 +115,89 @@ fn decode_each<F: Number>(
     [a.decode(x, constant), b.decode(y, constant), c.decode(z, constant)]
 }
 
-/// Radians per code of a disc's angle.
-pub const ANGLE_STEP: f32 = core::f32::consts::PI / 256.0;
+/// Radians per code of a disc's angle of `bits` bits: π / 2^bits, exact but for π.
+#[inline(always)]
+pub fn angle_step(bits: u8) -> f32 {
+    core::f32::consts::PI / (1u32 << (bits & 31)) as f32
+}
+
+/// The last code of `bits` bits, at most 8.
+pub fn last_code(bits: u8) -> u16 {
+    (1 << (bits & 15)) - 1
+}
 
 impl Range {
-    /// The value of a code.
-    #[inline]
-    pub fn value(self, code: u16) -> f32 {
-        self.decode(f32::from(code), &|x| x)
-    }
-
-    /// offset + code · step, of one code or of several side by side.
-    #[inline(always)]
-    fn decode<F: Number>(self, code: F, constant: &impl Fn(f32) -> F) -> F {
-        constant(self.offset.get()) + code * constant(self.step.get())
-    }
-
     /// The range that codes 0..=`last` need to reach from `min` to `max`.
     pub fn spanning(min: f32, max: f32, last: u16) -> Self {
         Self { offset: min.into(), step: ((max - min) / f32::from(last)).into() }
     }
+}
 
-    /// The nearest code to `value`, in 0..=`last`.
-    pub fn code(self, value: f32, last: u16) -> u16 {
-        let step = self.step.get();
-        if step > 0.0 {
-            // Saturates; NaN becomes 0.
-            (((value - self.offset.get()) / step + 0.5) as u16).min(last)
-        } else {
-            0
+impl ShortRange {
+    /// A range whose codes 0..=`last` reach from `min` to `max`, and a little beyond: an offset not above `min`, then
+    /// the least step. With one code alone, the nearest to the middle.
+    pub fn spanning(min: f32, max: f32, last: u16) -> Self {
+        if last == 0 {
+            let middle = min + (max - min) / 2.0;
+            let [below, above] = [Bf16::at_most(middle), Bf16::at_least(middle)];
+            let is_nearer = above.get() - middle < middle - below.get();
+            return Self { offset: if is_nearer { above } else { below }, step: Bf16::default() };
         }
-    }
-
-    /// Whether every code up to `last` has a finite value of at most `limit`.
-    pub(crate) fn is_within(self, last: u16, limit: f32) -> bool {
-        let (low, high) = (self.offset.get(), self.value(last));
-        low.abs() <= limit && high.abs() <= limit && self.step.get() >= 0.0
+        let offset = Bf16::at_most(min);
+        let mut step = Bf16::at_least((max - offset.get()) / f32::from(last));
+        if (Self { offset, step }).value(last) < max {
+            // The sum was rounded down: the next step.
+            step = Bf16::at_least(step.get() * (1.0 + f32::EPSILON));
+        }
+        Self { offset, step }
     }
 }
 
-impl GroupRecord {
-    /// Decodes a disc.
-    #[inline]
-    pub fn disc(&self, record: &DiscRecord) -> Disc {
-        let codes = Disc {
-            position: record.position.map(f32::from),
-            angle: f32::from(record.angle),
-            log2_scale: record.scale.map(f32::from),
-            color: record.color.map(f32::from),
-            opacity: opacity_value(record.opacity),
-        };
-        self.disc_of_codes(&codes, |x| x)
+impl DiscGroup {
+    /// Decodes the codes of a disc, or of several side by side, the angle of `angle_bits` bits; `constant` makes
+    /// an `F` of an f32.
+    #[inline(always)]
+    pub fn disc_of_codes<F: Number>(
+        &self,
+        codes: &Disc<F>,
+        angle_bits: u8,
+        constant: impl Fn(f32) -> F,
+    ) -> Disc<F> {
+        let [s, t] = codes.log2_scale;
+        Disc {
+            position: decode_each(&self.position, codes.position, &constant),
+            angle: codes.angle * constant(angle_step(angle_bits)),
+            log2_scale: [
+                self.log2_scale.decode(s, &constant),
+                self.log2_scale.decode(t, &constant),
+            ],
+            color: rgb_of_ycocg(decode_each(&self.color, codes.color, &constant)),
+            opacity: self.opacity.decode(codes.opacity, &constant),
+        }
     }
 
+    /// Encodes a disc whose values lie in this group's ranges.
+    pub fn encode(&self, disc: &Disc, layout: DiscLayout) -> Disc<u16> {
+        let widths = layout.widths();
+        // One more than the last code is π, which is 0 again.
+        let rest = disc.angle % core::f32::consts::PI;
+        let turn = if rest < 0.0 { rest + core::f32::consts::PI } else { rest };
+        let angle = (turn / angle_step(widths.angle) + 0.5) as u16 & last_code(widths.angle);
+        let ycocg = ycocg_of_rgb(disc.color);
+        let code = |range: ShortRange, value: f32, bits: u8| range.code(value, last_code(bits));
+        Disc {
+            position: core::array::from_fn(|i| {
+                code(self.position[i], disc.position[i], widths.position[i])
+            }),
+            angle,
+            log2_scale: disc.log2_scale.map(|scale| code(self.log2_scale, scale, widths.scale)),
+            color: core::array::from_fn(|i| code(self.color[i], ycocg[i], widths.color[i])),
+            opacity: code(self.opacity, disc.opacity, widths.opacity),
+        }
+    }
+}
+
+impl FullGroup {
     /// Decodes a Gaussian with rotation and three scales.
     #[inline]
     pub fn full(&self, record: &FullRecord) -> Full {
@@ -115,27 +209,6 @@ impl GroupRecord {
             opacity: opacity_value(record.opacity),
         };
         self.full_of_codes(&codes, |x| x)
-    }
-
-    /// Decodes the codes of a disc, or of several side by side. Every field of `codes` is a code but the
-    /// opacity, which is a value and stays; `constant` makes an `F` of an f32.
-    #[inline(always)]
-    pub fn disc_of_codes<F: Number>(
-        &self,
-        codes: &Disc<F>,
-        constant: impl Fn(f32) -> F,
-    ) -> Disc<F> {
-        let [s, t] = codes.log2_scale;
-        Disc {
-            position: decode_each(&self.position, codes.position, &constant),
-            angle: codes.angle * constant(ANGLE_STEP),
-            log2_scale: [
-                self.log2_scale.decode(s, &constant),
-                self.log2_scale.decode(t, &constant),
-            ],
-            color: rgb_of_ycocg(decode_each(&self.color, codes.color, &constant)),
-            opacity: codes.opacity,
-        }
     }
 
     /// Decodes the codes of a Gaussian with rotation and three scales, or of several side by side. Every
@@ -156,37 +229,18 @@ impl GroupRecord {
         }
     }
 
-    /// Encodes a disc whose values lie in this group's ranges.
-    pub fn encode_disc(&self, disc: &Disc) -> DiscRecord {
-        let code = |range: Range, value: f32| range.code(value, 255) as u8;
-        // One more than the last code is π, which is 0 again.
-        let rest = disc.angle % core::f32::consts::PI;
-        let turns = if rest < 0.0 { rest + core::f32::consts::PI } else { rest } / ANGLE_STEP;
-        DiscRecord {
-            position: core::array::from_fn(|i| code(self.position[i], disc.position[i])),
-            angle: ((turns + 0.5) as u16 % 256) as u8,
-            scale: disc.log2_scale.map(|scale| code(self.log2_scale, scale)),
-            color: self.color_codes(disc.color),
-            opacity: opacity_code(disc.opacity),
-        }
-    }
-
     /// Encodes a Gaussian whose values lie in this group's ranges.
-    pub fn encode_full(&self, full: &Full) -> FullRecord {
+    pub fn encode(&self, full: &Full) -> FullRecord {
+        let ycocg = ycocg_of_rgb(full.color);
         FullRecord {
             position: core::array::from_fn(|i| {
                 self.position[i].code(full.position[i], u16::MAX).into()
             }),
             rotation: quaternion_code(full.rotation).into(),
             scale: full.log2_scale.map(|scale| self.log2_scale.code(scale, 255) as u8),
-            color: self.color_codes(full.color),
+            color: core::array::from_fn(|i| self.color[i].code(ycocg[i], 255) as u8),
             opacity: opacity_code(full.opacity),
         }
-    }
-
-    fn color_codes(&self, rgb: [f32; 3]) -> [u8; 3] {
-        let ycocg = ycocg_of_rgb(rgb);
-        core::array::from_fn(|i| self.color[i].code(ycocg[i], 255) as u8)
     }
 }
 

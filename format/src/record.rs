@@ -1,6 +1,7 @@
 //! Fixed-size records: byte arrays of alignment 1, little-endian, viewed in place.
 
 use bytemuck::{Pod, Zeroable};
+use serde::{Deserialize, Serialize};
 
 /// u16, little-endian, at any address.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -21,6 +22,32 @@ pub struct U32([u8; 4]);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct F32([u8; 4]);
+
+/// The upper half of an f32 (bfloat16), little-endian, at any address.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub struct Bf16([u8; 2]);
+
+impl Bf16 {
+    /// The number.
+    #[inline]
+    pub fn get(self) -> f32 {
+        f32::from_bits(u32::from(u16::from_le_bytes(self.0)) << 16)
+    }
+
+    /// The greatest that is not above `value`, which is finite and not near the greatest f32.
+    pub fn at_most(value: f32) -> Self {
+        let bits = value.to_bits();
+        let up = value < 0.0 && bits & 0xffff != 0;
+        Self((((bits >> 16) + u32::from(up)) as u16).to_le_bytes())
+    }
+
+    /// The least that is not below `value`, which is finite and not near the greatest f32.
+    pub fn at_least(value: f32) -> Self {
+        let Self([low, high]) = Self::at_most(-value);
+        Self([low, high ^ 0x80])
+    }
+}
 
 macro_rules! little_endian {
     ($($name:ident $number:ty),*) => {$(
@@ -49,6 +76,16 @@ pub struct Range {
     pub offset: F32,
     /// Difference between codes.
     pub step: F32,
+}
+
+/// `offset + code · step`, in half the bytes of a [`Range`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ShortRange {
+    /// Value of code 0.
+    pub offset: Bf16,
+    /// Difference between codes.
+    pub step: Bf16,
 }
 
 /// Vertex position: codes along x, y, z (header: `position_min`, `position_step`).
@@ -158,7 +195,7 @@ impl ImportanceRecord {
     }
 }
 
-/// Head of a block.
+/// Head of a block, or of a block at a later level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BlockRecord {
@@ -166,22 +203,58 @@ pub struct BlockRecord {
     pub region: u8,
     /// Layer.
     pub layer: u8,
-    /// Groups.
-    pub groups: U16,
+    /// Gaussians.
+    pub count: U16,
     /// Rank in the region's order of the block's first Gaussian.
     pub first: U32,
-    /// Gaussians.
-    pub count: U32,
 }
 
-/// Ranges that up to 256 Gaussians of a block share.
+/// Head of a block's triangles ([`crate::triangles`]).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct GroupRecord {
-    /// Gaussians in the group, 1..=256, less one.
-    pub count_less_one: u8,
-    /// Triangle indices of the group are relative to this.
-    pub base_triangle: U32,
+pub struct TrianglesRecord {
+    /// The first one.
+    pub base: U32,
+    /// Bits of each that stand as they are.
+    pub low_bits: u8,
+    /// Bytes of the unary part.
+    pub step_bytes: U16,
+}
+
+/// Bits of each number of a disc, 0 to 8 ([`crate::discs`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
+#[repr(C)]
+pub struct DiscWidths {
+    /// Position x, y, z.
+    pub position: [u8; 3],
+    /// Angle.
+    pub angle: u8,
+    /// log₂ of each of the two scales.
+    pub scale: u8,
+    /// Y, Co, Cg.
+    pub color: [u8; 3],
+    /// Opacity.
+    pub opacity: u8,
+}
+
+/// Ranges that up to 256 discs of a block share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct DiscGroup {
+    /// Position x, y, z in units of the frame's size.
+    pub position: [ShortRange; 3],
+    /// log₂ of the scales, in units of the frame's size.
+    pub log2_scale: ShortRange,
+    /// Luma Y, chroma Co, Cg.
+    pub color: [ShortRange; 3],
+    /// Opacity.
+    pub opacity: ShortRange,
+}
+
+/// Ranges that up to 256 Gaussians with three scales share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FullGroup {
     /// Position x, y, z in units of the frame's size.
     pub position: [Range; 3],
     /// log₂ of the scales, in units of the frame's size.
@@ -190,22 +263,6 @@ pub struct GroupRecord {
     pub color: [Range; 3],
     /// Step of the harmonics' codes.
     pub harmonics_step: F32,
-}
-
-/// A disc.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct DiscRecord {
-    /// Codes of the position.
-    pub position: [u8; 3],
-    /// Angle from the frame's x to the first axis, in π/256.
-    pub angle: u8,
-    /// Codes of log₂ scale along the two axes.
-    pub scale: [u8; 2],
-    /// Codes of Y, Co, Cg.
-    pub color: [u8; 3],
-    /// In 1/255.
-    pub opacity: u8,
 }
 
 /// A Gaussian with rotation and three scales.

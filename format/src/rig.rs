@@ -1,5 +1,6 @@
 //! Views of what moves the mesh: morph targets and clips, one section each.
 
+use crate::quant::Linear;
 use crate::record::{ChannelRecord, ClipRecord, I16, Indices, MorphRecord, U16, plane, take_plane};
 
 /// A morph target: sparse displacements in bind space.

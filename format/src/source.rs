@@ -2,6 +2,7 @@
 
 use crate::header::{FrameKind, LowPass, ScaleLaw};
 use crate::quant::{Disc, Full};
+use crate::record::DiscWidths;
 use crate::rig::Property;
 
 /// An avatar before it is encoded.
@@ -15,6 +16,8 @@ pub struct Source {
     pub regions: Vec<Region>,
     /// Kind of frame, prefix and low-pass.
     pub mathematics: Mathematics,
+    /// Bits of the discs' numbers at each level, coarse to fine; 8 each where there are none.
+    pub widths: Vec<DiscWidths>,
     /// Rest pose's box: lower and upper corner, metres.
     pub bounds: [[f32; 3]; 2],
     /// Key frames trained on: (clip, seconds); no clip is the rest pose.

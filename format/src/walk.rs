@@ -1,8 +1,8 @@
 //! Blocks as they are at a level, or between two: their records side by side.
 
-use crate::block::{Below, Block};
+use crate::block::{Block, Records, split_head};
 use crate::header::MAX_REGIONS;
-use crate::level::{Level, split_groups};
+use crate::level::Level;
 use crate::section::{Sections, tag};
 
 /// Where a region's Gaussians are seen: layers that end levels.
@@ -32,7 +32,7 @@ impl<'a> Runs<'a> {
             if section.tag != tag::LEVEL {
                 continue;
             }
-            let Some((head, ..)) = split_groups(section.payload) else { continue };
+            let Some((head, _)) = split_head(section.payload) else { continue };
             if head.first.get() > 0 {
                 continue;
             }
@@ -57,16 +57,14 @@ impl<'a> Runs<'a> {
         let region = usize::from(block.region);
         if let Some(lower) = levels.lower
             && block.layer <= lower
+            && let Records::Disc(own) = block.records
         {
-            block.below = Some(Below { groups: block.groups, records: block.records });
-            if block.layer < lower
-                && let Some(Level { groups, records, .. }) = next(self.lower.get_mut(region))
-            {
-                block.below = Some(Below { groups, records });
-            }
+            let is_older = block.layer < lower;
+            let level = is_older.then(|| next(self.lower.get_mut(region))).flatten();
+            block.below = Some(level.map_or(own, |level| level.discs));
         }
-        if let Some(Level { groups, records, .. }) = next(self.upper.get_mut(region)) {
-            (block.groups, block.records) = (groups, records);
+        if let Some(Level { discs, .. }) = next(self.upper.get_mut(region)) {
+            block.records = Records::Disc(discs);
         }
         block
     }

@@ -4,7 +4,7 @@ use dermis_format::section::tag;
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::writer::encode;
 use dermis_format::{
-    Avatar, Disc, FrameKind, LowPass, PerLevel, RecordKind, Records, ScaleLaw, order,
+    Avatar, Disc, DiscWidths, FrameKind, LowPass, PerLevel, RecordKind, Records, ScaleLaw, order,
 };
 
 /// Bytes of the fenced block of SPEC.md that starts with ```` ```hex ````: each line is an offset,
@@ -56,6 +56,13 @@ fn described() -> Source {
             ..Region::default()
         }],
         mathematics: Mathematics::default(),
+        widths: vec![DiscWidths {
+            position: [7, 7, 6],
+            angle: 6,
+            scale: 5,
+            color: [7, 5, 4],
+            opacity: 2,
+        }],
         bounds: [[0.0, 0.0, 0.0], [1.0, 2.0, 0.0]],
         ..Source::default()
     }
@@ -69,7 +76,7 @@ fn the_encoder_writes_the_worked_bytes() {
 #[test]
 fn the_worked_bytes_say_what_the_text_says() {
     let bytes = worked_bytes();
-    assert_eq!(bytes.len(), 273);
+    assert_eq!(bytes.len(), 243);
     let avatar = Avatar::parse(&bytes).unwrap();
     let header = avatar.header();
     assert_eq!((header.vertices, header.triangles, header.gaussians), (3, 1, 2));
@@ -96,21 +103,37 @@ fn the_worked_bytes_say_what_the_text_says() {
     assert_eq!((block.region, block.layer, block.first, block.count), (0, 0, 0, 2));
     assert_eq!([order::rank(0, 2), order::rank(1, 2)], [0, 1]);
     let Records::Disc(discs) = block.records else { panic!("the file holds discs") };
-    let decoded: Vec<Disc> = discs.iter().map(|disc| block.groups[0].disc(disc)).collect();
+    let decoded: Vec<Disc> = discs.iter().collect();
+    assert_eq!(block.triangles.iter().collect::<Vec<_>>(), [0, 0]);
     let Gaussians::Disc(expected) = described().regions.remove(0).gaussians else { panic!() };
     for (found, expected) in decoded.iter().zip(&expected) {
-        let numbers = |d: &Disc| {
-            let [x, y, z] = d.position;
-            let [r, g, b] = d.color;
-            [x, y, z, d.angle, r, g, b, d.opacity]
-        };
-        let close = numbers(found).iter().zip(numbers(expected)).all(|(a, b)| (a - b).abs() < 1e-6);
-        assert!(close, "{found:?} {expected:?}");
-        // Half a step of (−1 − −3) / 255.
-        let half = 1.0 / 255.0 + 1e-6;
-        let scales = found.log2_scale.iter().zip(expected.log2_scale);
-        assert!(scales.clone().all(|(a, b)| (a - b).abs() <= half), "{found:?} {expected:?}");
+        let near =
+            |a: f32, b: f32, bound: f32| assert!((a - b).abs() <= bound, "{found:?} {expected:?}");
+        // Half of the step that the worked bytes name.
+        let half_steps = [0.001_984, 0.000_992, 0.0];
+        for i in 0..3 {
+            near(found.position[i], expected.position[i], half_steps[i] + 1e-6);
+            // Half steps of Y, Co and Cg add up.
+            near(found.color[i], expected.color[i], 0.001_984 + 0.016_24 + 0.016_73);
+        }
+        near(found.angle, expected.angle, core::f32::consts::PI / 128.0);
+        (0..2).for_each(|i| near(found.log2_scale[i], expected.log2_scale[i], 0.032_47));
+        near(found.opacity, expected.opacity, 0.033_94);
     }
+    // What the remarks say of the codes.
+    let codes = |index: usize| {
+        let words = discs.words(index);
+        discs.layout().codes(|word, shift, mask| words[word] >> shift & mask)
+    };
+    let disc = |position, angle, log2_scale, color, opacity| Disc {
+        position,
+        angle,
+        log2_scale,
+        color,
+        opacity,
+    };
+    assert_eq!(codes(0), disc([0, 126, 0], 0, [31, 15], [0, 31, 0], 3));
+    assert_eq!(codes(1), disc([126, 0, 0], 16, [23, 0], [126, 0, 15], 0));
 }
 
 /// Every tag that SPEC.md's table names is a constant of `section::tag`, and the other way round.

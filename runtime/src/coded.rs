@@ -1,10 +1,9 @@
 //! Batches of Gaussians as the file has them: codes of one group's ranges.
 
-use core::marker::PhantomData;
-
+use dermis_format::order::GROUP_LEN;
 use dermis_format::quant::{COMPONENT_MIDDLE, HALF_ROOT};
-use dermis_format::record::{DiscRecord, FullRecord, GroupRecord};
-use dermis_format::{Disc, Full, Records};
+use dermis_format::record::{DiscGroup, FullGroup};
+use dermis_format::{Block, Disc, Discs, Full, Fulls};
 
 use crate::batch::{BATCH, Batch, FrameRows, OnScreen};
 use crate::frame::Frame;
@@ -15,25 +14,26 @@ use crate::math::each;
 use crate::mix::mixed;
 use crate::project::project;
 use crate::screen::SplatCamera;
-use crate::select::{Below, Harmonics, Place};
+use crate::select::{Harmonics, Place};
 
-/// Codes of a Gaussian, and what they mean.
-pub trait Record: Sized {
+/// Gaussians of a block as the file has them: codes of each, and what they mean.
+pub trait Coding<'a>: Copy {
     /// One Gaussian, or several side by side.
     type Decoded<V: Lanes>;
 
-    /// The records of a block, if they are of this kind.
-    fn all<'a>(records: &Records<'a>) -> &'a [Self];
+    /// The Gaussians of a block at the level below, if they are of this kind.
+    fn below(discs: Discs<'a>) -> Option<Self>;
 
-    /// All codes but the opacity's.
-    fn words(&self) -> [u32; 4];
+    /// All codes of Gaussian `index`.
+    fn words(&self, index: usize) -> [u32; 4];
 
-    /// The Gaussians of the words of several records.
+    /// The Gaussians of the words of several in group `group`, without their opacities, which are given.
     fn decode<V: Lanes>(
+        &self,
         token: V::Token,
         words: [V::Words; 4],
         opacity: V,
-        group: &GroupRecord,
+        group: usize,
     ) -> Self::Decoded<V>;
 
     /// Gaussians on their way from `upper` to `lower`, of which `share` is gone; the opacity is that of `upper`.
@@ -53,44 +53,41 @@ pub trait Record: Sized {
     ) -> ([V; 3], OnScreen<V>);
 }
 
-impl Record for DiscRecord {
+impl<'a> Coding<'a> for Discs<'a> {
     type Decoded<V: Lanes> = Disc<V>;
 
     #[inline(always)]
-    fn all<'a>(records: &Records<'a>) -> &'a [Self] {
-        match records {
-            Records::Disc(discs) => discs,
-            Records::Full(_) => &[],
-        }
+    fn below(discs: Discs<'a>) -> Option<Self> {
+        Some(discs)
     }
 
     #[inline(always)]
-    fn words(&self) -> [u32; 4] {
-        let ([x, y, z], [s, t], [luma, orange, green]) = (self.position, self.scale, self.color);
-        let first = u32::from_le_bytes([x, y, z, self.angle]);
-        [first, u32::from_le_bytes([s, t, luma, orange]), green.into(), 0]
+    fn words(&self, index: usize) -> [u32; 4] {
+        let [first, second, third] = Discs::words(self, index);
+        [first, second, third, 0]
     }
 
     #[inline(always)]
     fn decode<V: Lanes>(
+        &self,
         token: V::Token,
-        [first, second, third, _]: [V::Words; 4],
+        words: [V::Words; 4],
         opacity: V,
-        group: &GroupRecord,
+        group: usize,
     ) -> Disc<V> {
-        let byte = |words: V::Words, at: u32| V::field(words, 8 * at, 0xff);
-        let codes = Disc {
-            position: [byte(first, 0), byte(first, 1), byte(first, 2)],
-            angle: byte(first, 3),
-            log2_scale: [byte(second, 0), byte(second, 1)],
-            color: [byte(second, 2), byte(second, 3), byte(third, 0)],
-            opacity,
-        };
-        group.disc_of_codes(
+        let layout = self.layout();
+        let none = DiscGroup::default();
+        let codes = layout.codes(
+            #[inline(always)]
+            |word, shift, mask| V::field(words[word], shift, mask),
+        );
+        let disc = self.groups().get(group).unwrap_or(&none).disc_of_codes(
             &codes,
+            layout.widths().angle,
             #[inline(always)]
             |x| V::splat(token, x),
-        )
+        );
+        Disc { opacity, ..disc }
     }
 
     #[inline(always)]
@@ -114,31 +111,32 @@ impl Record for DiscRecord {
     }
 }
 
-impl Record for FullRecord {
+impl<'a> Coding<'a> for Fulls<'a> {
     type Decoded<V: Lanes> = Full<V>;
 
+    /// Only discs have levels.
     #[inline(always)]
-    fn all<'a>(records: &Records<'a>) -> &'a [Self] {
-        match records {
-            Records::Disc(_) => &[],
-            Records::Full(fulls) => fulls,
-        }
+    fn below(_: Discs<'a>) -> Option<Self> {
+        None
     }
 
     #[inline(always)]
-    fn words(&self) -> [u32; 4] {
-        let ([x, y, z], [s, t, u]) = (self.position.map(|code| u32::from(code.get())), self.scale);
-        let [luma, orange, green] = self.color;
+    fn words(&self, index: usize) -> [u32; 4] {
+        let Some(record) = self.records.get(index) else { return [0; 4] };
+        let ([x, y, z], [s, t, u]) =
+            (record.position.map(|code| u32::from(code.get())), record.scale);
+        let [luma, orange, green] = record.color;
         let third = z | u32::from(s) << 16 | u32::from(t) << 24;
-        [x | y << 16, self.rotation.get(), third, u32::from_le_bytes([u, luma, orange, green])]
+        [x | y << 16, record.rotation.get(), third, u32::from_le_bytes([u, luma, orange, green])]
     }
 
     #[inline(always)]
     fn decode<V: Lanes>(
+        &self,
         token: V::Token,
         [first, rotation, third, fourth]: [V::Words; 4],
         opacity: V,
-        group: &GroupRecord,
+        group: usize,
     ) -> Full<V> {
         let component = |shift: u32| V::field(rotation, shift, 0x3ff);
         let codes = Full {
@@ -163,7 +161,8 @@ impl Record for FullRecord {
             ],
             opacity,
         };
-        group.full_of_codes(
+        let none = FullGroup::default();
+        self.groups.get(group).unwrap_or(&none).full_of_codes(
             &codes,
             #[inline(always)]
             |x| V::splat(token, x),
@@ -222,73 +221,73 @@ pub struct Coded<'a, R> {
     len: usize,
     frames: FrameRows,
     words: [[u32; 4]; BATCH],
-    /// At the level below, if `below` says that they are on their way there.
+    /// At the level below, if there is one that they are on their way to.
     lower_words: [[u32; 4]; BATCH],
-    below: Option<Below<'a>>,
     opacity: [f32; BATCH],
     /// Whether `harmonics` are theirs: all of a group have some, or none has.
     has_harmonics: bool,
     harmonics: [Harmonics<'a>; BATCH],
-    /// Ranges of the codes; none if there are no Gaussians.
-    group: Option<&'a GroupRecord>,
+    /// All of their block.
+    records: R,
+    /// The same at the level below.
+    below: Option<R>,
+    /// How far they have gone there, in [0, 1].
+    share: f32,
+    /// Index of their group.
+    group: usize,
     /// Added to log₂ of the scales.
     log2_factor: f32,
-    records: PhantomData<R>,
 }
 
-impl<'a, R: Record> Coded<'a, R> {
-    /// None.
-    pub fn new() -> Self {
+impl<'a, R: Coding<'a>> Coded<'a, R> {
+    /// None of a block's Gaussians, which are `records`.
+    pub fn new(block: &Block<'a>, records: R) -> Self {
         Self {
             len: 0,
             frames: FrameRows::new(),
             words: [[0; 4]; BATCH],
             lower_words: [[0; 4]; BATCH],
-            below: None,
             opacity: [0.0; BATCH],
-            has_harmonics: false,
+            has_harmonics: !block.harmonics.is_empty(),
             harmonics: [Harmonics::default(); BATCH],
-            group: None,
+            records,
+            below: block.below.and_then(R::below),
+            share: 0.0,
+            group: 0,
             log2_factor: 0.0,
-            records: PhantomData,
         }
     }
 
     /// Whether there is room, and the place has the ranges of those that are here.
     #[inline(always)]
     pub fn takes(&self, place: &Place<'a, '_>) -> bool {
-        let same = self.group.is_none_or(|group| core::ptr::eq(group, place.group));
-        self.len < BATCH && same
+        self.len == 0 || self.len < BATCH && self.group == place.index / GROUP_LEN
     }
 
     /// Adds a Gaussian that [`Self::takes`], on the frame of these rows. Either all Gaussians of a
     /// `Coded` have a frame or none has; without, they stand in the world's.
     #[inline(always)]
     pub fn push(&mut self, place: &Place<'a, '_>, frame: Option<[&Row; 3]>) {
-        let Some(record) = R::all(&place.block.records).get(place.index) else { return };
         let lane = self.len;
         if lane >= BATCH {
             return;
         }
         if lane == 0 {
             // All of a group have these alike.
-            self.group = Some(place.group);
+            self.group = place.index / GROUP_LEN;
             self.log2_factor = place.log2_factor;
-            self.below = place.below;
-            self.has_harmonics = !place.block.harmonics.is_empty();
+            self.share = place.share;
         }
         if let Some(frame) = frame {
             self.frames.set(lane, frame);
         }
-        self.words[lane] = record.words();
+        self.words[lane] = self.records.words(place.index);
         self.opacity[lane] = place.opacity;
         if self.has_harmonics {
             self.harmonics[lane] = place.harmonics();
-        } else if let Some(below) = &place.block.below
-            && let Some(record) = R::all(&below.records).get(place.index)
-        {
-            // Only discs have levels, and they have no harmonics.
-            self.lower_words[lane] = record.words();
+        }
+        if let Some(below) = &self.below {
+            self.lower_words[lane] = below.words(place.index);
         }
         self.len = lane + 1;
     }
@@ -296,30 +295,19 @@ impl<'a, R: Record> Coded<'a, R> {
     /// Removes all.
     pub fn clear(&mut self) {
         self.len = 0;
-        self.group = None;
-        self.below = None;
     }
 
     /// Gaussians `at..at + V::LEN`, decoded.
     #[inline(always)]
     pub fn decode<V: Lanes>(&self, token: V::Token, at: usize) -> R::Decoded<V> {
         let opacity = load(token, &self.opacity, at);
-        let none = GroupRecord::default();
-        let decoded = R::decode(
-            token,
-            words_at::<V>(token, &self.words, at),
-            opacity,
-            self.group.unwrap_or(&none),
-        );
+        let words = words_at::<V>(token, &self.words, at);
+        let decoded = self.records.decode(token, words, opacity, self.group);
         match &self.below {
             Some(below) => {
-                let lower = R::decode(
-                    token,
-                    words_at::<V>(token, &self.lower_words, at),
-                    opacity,
-                    below.group,
-                );
-                R::mixed(decoded, &lower, V::splat(token, below.share))
+                let words = words_at::<V>(token, &self.lower_words, at);
+                let lower = below.decode(token, words, opacity, self.group);
+                R::mixed(decoded, &lower, V::splat(token, self.share))
             }
             None => decoded,
         }
@@ -331,13 +319,7 @@ fn words_at<V: Lanes>(token: V::Token, of: &[[u32; 4]], at: usize) -> [V::Words;
     V::load_word_rows(token, lanes_at::<_, V>(of, at))
 }
 
-impl<R: Record> Default for Coded<'_, R> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl<R: Record> Batch for Coded<'_, R> {
+impl<'a, R: Coding<'a>> Batch for Coded<'a, R> {
     fn len(&self) -> usize {
         self.len
     }

@@ -1,7 +1,7 @@
 //! How far the Gaussians of a plan reach from their triangles, by the ranges of their groups alone.
 
-use dermis_format::Avatar;
-use dermis_format::record::Range;
+use dermis_format::quant::{Linear, last_code};
+use dermis_format::{Avatar, Discs, Fulls, Records};
 
 use crate::math::{Real, dot};
 use crate::plan::Plan;
@@ -18,24 +18,56 @@ pub(crate) struct Extent {
 
 impl Extent {
     pub(crate) fn of_plan(avatar: &Avatar<'_>, plan: &Plan) -> Self {
-        let (mut square, mut log2_sigma) = (0.0f32, f32::MIN);
+        let mut reach = Reach { square: 0.0, log2_sigma: f32::MIN };
         for_each_block(avatar, plan, |block, region, _| {
-            let last = block.records.last_position_code();
             let factor = log2_factor(block, region);
-            // What is between two levels is between the ranges of both.
-            for group in block.groups.iter().chain(block.below.map_or(&[][..], |b| b.groups)) {
-                let furthest = group.position.map(|range| greatest(range, last));
-                square = square.at_least(dot(furthest, furthest));
-                let log2_scale = group.log2_scale.value(255) + factor;
-                log2_sigma = log2_sigma.at_least(log2_scale);
+            match &block.records {
+                Records::Disc(discs) => reach.add_discs(discs, factor),
+                Records::Full(fulls) => reach.add_fulls(fulls, factor),
             }
+            // What is between two levels is between the ranges of both.
+            block.below.iter().for_each(|below| reach.add_discs(below, factor));
         });
         // A little more than rounding can take away.
-        Self { offset: square.sqrt() * 1.001, sigma: log2_sigma.exp2() * 1.001 }
+        Self { offset: reach.square.sqrt() * 1.001, sigma: reach.log2_sigma.exp2() * 1.001 }
+    }
+}
+
+/// The greatest seen so far.
+struct Reach {
+    /// Square of a centre's distance.
+    square: f32,
+    /// log₂ of a standard deviation.
+    log2_sigma: f32,
+}
+
+impl Reach {
+    fn add_discs(&mut self, discs: &Discs<'_>, log2_factor: f32) {
+        let widths = discs.layout().widths();
+        let [x, y, z] = widths.position.map(last_code);
+        for group in discs.groups() {
+            let [a, b, c] = group.position;
+            let scale = group.log2_scale.value(last_code(widths.scale));
+            self.add([greatest(a, x), greatest(b, y), greatest(c, z)], scale + log2_factor);
+        }
+    }
+
+    fn add_fulls(&mut self, fulls: &Fulls<'_>, log2_factor: f32) {
+        for group in fulls.groups {
+            self.add(
+                group.position.map(|range| greatest(range, u16::MAX)),
+                group.log2_scale.value(255) + log2_factor,
+            );
+        }
+    }
+
+    fn add(&mut self, furthest: [f32; 3], log2_sigma: f32) {
+        self.square = self.square.at_least(dot(furthest, furthest));
+        self.log2_sigma = self.log2_sigma.at_least(log2_sigma);
     }
 }
 
 /// Greatest |value| of a range.
-fn greatest(range: Range, last: u16) -> f32 {
+fn greatest(range: impl Linear, last: u16) -> f32 {
     range.value(0).abs().at_least(range.value(last).abs())
 }

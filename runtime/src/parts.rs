@@ -2,10 +2,9 @@
 
 use core::ops::Range;
 
-use dermis_format::record::{DiscRecord, FullRecord};
 use dermis_format::{Block, Records};
 
-use crate::coded::{Coded, Record};
+use crate::coded::{Coded, Coding};
 use crate::lanes::MAX_LANES;
 use crate::plan::{Plan, RegionPlan};
 use crate::posed::Posed;
@@ -82,8 +81,8 @@ impl Part<'_, '_> {
             if blocks.contains(&index) {
                 let free = slots.behind(*filled);
                 *filled += match block.records {
-                    Records::Disc(_) => source.project::<DiscRecord>(block, region, drawn, free),
-                    Records::Full(_) => source.project::<FullRecord>(block, region, drawn, free),
+                    Records::Disc(discs) => source.project(block, discs, region, drawn, free),
+                    Records::Full(fulls) => source.project(block, fulls, region, drawn, free),
                 };
             }
             index += 1;
@@ -96,18 +95,19 @@ impl Part<'_, '_> {
     }
 }
 
-impl Source<'_, '_> {
+impl<'a> Source<'_, 'a> {
     /// Fills `slots` with the splats of a block's Gaussians that can be seen; returns how many.
-    fn project<R: Record>(
+    fn project<R: Coding<'a>>(
         &self,
-        block: &Block<'_>,
+        block: &Block<'a>,
+        records: R,
         region: &RegionPlan,
         drawn: u32,
         mut slots: Slots<'_>,
     ) -> usize {
         let mut filled = 0;
-        let mut gathered = Coded::<R>::new();
-        let mut flush = |gathered: &mut Coded<'_, R>| {
+        let mut gathered = Coded::new(block, records);
+        let mut flush = |gathered: &mut Coded<'a, R>| {
             let (kernel, free) = (self.posed.kernel(), slots.behind(filled));
             let touching = self.camera.splats(kernel, gathered, &self.grid, free);
             filled += touching.count_ones() as usize;

@@ -1,8 +1,8 @@
 //! Walks the Gaussians of a plan, in the order of the file.
 
+use dermis_format::order::{self, GROUP_LEN};
 use dermis_format::quant::opacity_value;
-use dermis_format::record::GroupRecord;
-use dermis_format::{Avatar, Block, Disc, Full, Records, order};
+use dermis_format::{Avatar, Block, Disc, Full, Fulls, Records};
 
 use crate::math::Real;
 use crate::mix::{between, mixed};
@@ -16,8 +16,6 @@ pub const LEAST_OPACITY: f32 = 0.005;
 pub struct Place<'a, 'b> {
     /// Its block.
     pub block: &'b Block<'a>,
-    /// Its ranges.
-    pub group: &'a GroupRecord,
     /// Its index in the block.
     pub index: usize,
     /// Its triangle; none without a mesh.
@@ -26,16 +24,7 @@ pub struct Place<'a, 'b> {
     pub opacity: f32,
     /// Added to log₂ of its scales.
     pub log2_factor: f32,
-    /// Where it is on its way to the level below.
-    pub below: Option<Below<'a>>,
-}
-
-/// What a Gaussian between two levels is mixed with.
-#[derive(Clone, Copy, Debug)]
-pub struct Below<'a> {
-    /// Ranges of its record there.
-    pub group: &'a GroupRecord,
-    /// How far it has gone there, in [0, 1].
+    /// How far it has gone to the level below, in [0, 1], if its block is between two.
     pub share: f32,
 }
 
@@ -106,22 +95,20 @@ pub fn for_each_of_block<'a, 'b>(
     mut visit: impl FnMut(Place<'a, 'b>),
 ) {
     let whole = drawn >= block.count;
-    let log2_factor = log2_factor(block, region);
+    let (log2_factor, share) = (log2_factor(block, region), region.lower_share);
     let has_own_opacity = has_own_opacity(block, region);
-    let mut below_groups = block.below.map_or(&[][..], |below| below.groups).iter();
-    let mut start = 0usize;
-    for group in block.groups {
-        let below = below_groups.next().map(|group| Below { group, share: region.lower_share });
-        let base = group.base_triangle.get();
-        let len = usize::from(group.count_less_one) + 1;
-        let triangles = block.triangles.get(start..start + len);
+    let is_free = block.triangles.is_empty();
+    let mut triangles = block.triangles.iter();
+    for start in (0..block.count as usize).step_by(GROUP_LEN) {
+        let len = GROUP_LEN.min(block.count as usize - start);
         // First a list without branches: whether the next triangle shows is hard to foresee.
+        let mut of_group = [0; GROUP_LEN];
+        of_group.iter_mut().take(len).zip(&mut triangles).for_each(|(to, from)| *to = from);
         let mut chosen = [0u8; GROUP_LEN];
         let mut count = 0;
         for at in 0..len {
-            let triangle = triangles.and_then(|triangles| triangles.get(at));
-            let shown = triangle.is_none_or(|relative| shows(base + u32::from(relative.get())));
             let index = (start + at) as u32;
+            let shown = is_free || shows(of_group[at]);
             let drawn = shown & (whole || order::rank(index, block.count) < drawn);
             chosen[count % GROUP_LEN] = at as u8;
             count += usize::from(drawn);
@@ -131,17 +118,12 @@ pub fn for_each_of_block<'a, 'b>(
             let own = own_opacity(&block.records, index);
             let opacity = if has_own_opacity { own } else { opacity_at(block, index, region, own) };
             if opacity >= LEAST_OPACITY {
-                let triangle = triangles.and_then(|triangles| triangles.get(usize::from(at)));
-                let triangle = triangle.map(|relative| base + u32::from(relative.get()));
-                visit(Place { block, group, index, triangle, opacity, log2_factor, below });
+                let triangle = (!is_free).then(|| of_group[usize::from(at)]);
+                visit(Place { block, index, triangle, opacity, log2_factor, share });
             }
         }
-        start += len;
     }
 }
-
-/// Gaussians of a group at most: its count less one is a byte.
-const GROUP_LEN: usize = 256;
 
 /// Added to log₂ of the scales of a block's Gaussians: those that are on their way to the level below are as
 /// wide as both say.
@@ -151,10 +133,10 @@ pub(crate) fn log2_factor(block: &Block<'_>, region: &RegionPlan) -> f32 {
 
 #[inline]
 fn own_opacity(records: &Records<'_>, index: usize) -> f32 {
-    opacity_value(match records {
-        Records::Disc(discs) => discs.get(index).map_or(0, |disc| disc.opacity),
-        Records::Full(fulls) => fulls.get(index).map_or(0, |full| full.opacity),
-    })
+    match records {
+        Records::Disc(discs) => discs.opacity(index),
+        Records::Full(fulls) => fulls.records.get(index).map_or(0.0, |g| opacity_value(g.opacity)),
+    }
 }
 
 /// Whether the opacity of a block's Gaussians is that of their records.
@@ -169,7 +151,7 @@ fn has_own_opacity(block: &Block<'_>, region: &RegionPlan) -> bool {
 #[inline]
 fn opacity_at(block: &Block<'_>, index: usize, region: &RegionPlan, own: f32) -> f32 {
     if let Some(below) = &block.below {
-        return between(own, own_opacity(&below.records, index), region.lower_share);
+        return between(own, below.opacity(index), region.lower_share);
     }
     let age = region.level - i32::from(block.layer);
     let later = block
@@ -189,19 +171,16 @@ impl<'a> Place<'a, '_> {
     pub fn decode(&self) -> Option<Selected<'a>> {
         let gaussian = match self.block.records {
             Records::Disc(discs) => {
-                let mut disc = self.group.disc(discs.get(self.index)?);
-                if let Some(below) = &self.below
-                    && let Some(Records::Disc(lower)) = self.block.below.map(|b| b.records)
-                {
-                    let lower = below.group.disc(lower.get(self.index)?);
-                    disc = mixed(&disc, &lower, below.share);
+                let mut disc = discs.get(self.index)?;
+                if let Some(below) = &self.block.below {
+                    disc = mixed(&disc, &below.get(self.index)?, self.share);
                 }
                 disc.opacity = self.opacity;
                 disc.log2_scale.iter_mut().for_each(|scale| *scale += self.log2_factor);
                 Local::Disc(disc)
             }
             Records::Full(fulls) => {
-                let mut full = self.group.full(fulls.get(self.index)?);
+                let mut full = fulls.get(self.index)?;
                 full.opacity = self.opacity;
                 full.log2_scale.iter_mut().for_each(|scale| *scale += self.log2_factor);
                 Local::Full(full)
@@ -218,6 +197,12 @@ impl<'a> Place<'a, '_> {
         }
         let len = self.block.harmonics.len() / (self.block.count as usize).max(1);
         let codes = self.block.harmonics.get(self.index * len..(self.index + 1) * len);
-        Harmonics { codes: codes.unwrap_or(&[]), step: self.group.harmonics_step.get() }
+        let step = match self.block.records {
+            Records::Full(Fulls { groups, .. }) => {
+                groups.get(self.index / GROUP_LEN).map_or(0.0, |group| group.harmonics_step.get())
+            }
+            Records::Disc(_) => 0.0,
+        };
+        Harmonics { codes: codes.unwrap_or(&[]), step }
     }
 }

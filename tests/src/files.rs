@@ -27,6 +27,13 @@ pub fn empty_folder(name: &str) -> PathBuf {
     folder
 }
 
+/// Writes a file into a folder.
+pub fn written(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).expect("it can be written");
+    path
+}
+
 /// Names in a folder, in order.
 pub fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("it is a folder");

@@ -537,7 +537,7 @@ fn hostile_plys_are_refused() {
             edited("property float f_rest_8", "property float other"),
             "8 properties",
         ),
-        ("packed", edited("property float x", "property uint packed_position"), " x"),
+        ("packed", edited("property float x", "property uint packed_position"), "chunk"),
         ("bound", edited("property float nx", "property float binding_0"), "--from"),
         ("no_number", text("end_header\n", "end_header\nbanana "), "vertex row 0"),
         ("short_text", text("vertex 5", "vertex 6"), "5"),

@@ -4,10 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dermis_tests::command::{fails, misuses, run};
-use dermis_tests::files::{SmallMesh, empty_folder};
+use dermis_tests::files::{SmallMesh, empty_folder, written};
 use dermis_tests::mounted::{PlainMesh, SplattingAvatar, gaussian_avatar};
+use dermis_tests::splat_files::compressed_ply;
 use dermis_tests::splats::SplatPly;
-use dermis_trainer::{convert, import};
+use dermis_trainer::convert::{self, Taken};
+use dermis_trainer::import;
 
 const COUNT: usize = 12;
 
@@ -16,14 +18,8 @@ fn pyramid(folder: &Path) -> PlainMesh {
     let path = folder.join("mesh.glb");
     fs::write(&path, SmallMesh::pyramid().glb()).expect("it can be written");
     let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
-    write(folder, "mesh.obj", mesh.obj());
+    written(folder, "mesh.obj", mesh.obj());
     mesh
-}
-
-fn write(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-    let path = folder.join(name);
-    fs::write(&path, bytes).expect("it can be written");
-    path
 }
 
 fn succeeds(folder: &Path, arguments: &str) {
@@ -61,7 +57,7 @@ fn gaussian_avatars_that_do_not_fit_are_refused() {
         ("nowhere", nowhere.bytes(), "12 with numbers"),
     ];
     for (name, bytes, part) in &files {
-        let name = write(&folder, &format!("{name}.ply"), bytes);
+        let name = written(&folder, &format!("{name}.ply"), bytes);
         let name = name.file_name().expect("it has one").to_string_lossy().into_owned();
         for kind in ["", "--from gaussian-avatars"] {
             if kind.is_empty() && ["no_scale.ply", "list.ply"].contains(&name.as_str()) {
@@ -71,8 +67,8 @@ fn gaussian_avatars_that_do_not_fit_are_refused() {
             fails(&folder, &command, &[&format!("{name}: "), "; ", part]);
         }
     }
-    write(&folder, "a.ply", &whole);
-    write(&folder, "free.ply", SplatPly::random(5, 0, 3).bytes());
+    written(&folder, "a.ply", &whole);
+    written(&folder, "free.ply", SplatPly::random(5, 0, 3).bytes());
     let fails = |arguments: &str, parts: &[&str]| {
         fails(&folder, &format!("convert {arguments} -o out.dermis"), parts);
     };
@@ -80,17 +76,18 @@ fn gaussian_avatars_that_do_not_fit_are_refused() {
         fails(&format!("a.ply {kind}"), &["a.ply: ", "--mesh"]);
     }
     fails("free.ply --mesh mesh.glb --from gaussian-avatars", &["free.ply: ", "binding_0"]);
+    fails("a.ply --mesh mesh.glb --half-turn", &["a.ply: ", "leave --half-turn out"]);
     fails("a.ply --mesh absent.glb", &["absent.glb: ", "path"]);
     fails("a.ply --mesh a.ply", &["a.ply: ", "GLB"]);
     // Flat as a needle, all of it.
-    write(&folder, "needle.obj", "v 0 0 0\nv 1 0 0\nv 0.5 0.001 0\nf 1 2 3\n");
+    written(&folder, "needle.obj", "v 0 0 0\nv 1 0 0\nv 0.5 0.001 0\nf 1 2 3\n");
     fails("free.ply --mesh needle.obj", &["needle.obj: ", "flat", "; "]);
     // A mesh of a picometre beside Gaussians of centimetres.
-    write(&folder, "tiny.obj", "v 0 0 0\nv 1e-12 0 0\nv 0 1e-12 0\nf 1 2 3\n");
+    written(&folder, "tiny.obj", "v 0 0 0\nv 1e-12 0 0\nv 0 1e-12 0\nf 1 2 3\n");
     fails("free.ply --mesh tiny.obj", &["tiny.obj: ", "too small", "; "]);
     // A rotation of length 0 is none, as everywhere.
     let zero = (0..4).fold(ply, |ply, i| ply.with(2, &format!("rot_{i}"), 0.0));
-    write(&folder, "zero.ply", zero.bytes());
+    written(&folder, "zero.ply", zero.bytes());
     succeeds(&folder, "convert zero.ply --mesh mesh.obj -o zero.dermis");
     misuses(&folder, "convert -o out.dermis", "IN");
     misuses(&folder, "convert a.ply --mesh -o out.dermis", "--mesh");
@@ -100,9 +97,11 @@ fn gaussian_avatars_that_do_not_fit_are_refused() {
 fn embeddings_that_do_not_fit_are_refused() {
     let folder = empty_folder("hostile_embeddings");
     let source = SplattingAvatar::random(&pyramid(&folder), COUNT as u32, 0, 6);
-    write(&folder, "a.ply", source.ply.bytes());
+    written(&folder, "a.ply", source.ply.bytes());
     let whole = source.embedding("mesh.obj");
     succeeds(&write_and(&folder, &whole), "convert a.ply -o whole.dermis");
+    let command = "convert a.ply --half-turn -o out.dermis";
+    fails(&folder, command, &["a.ply: ", "leave --half-turn out"]);
     let other = |change: &dyn Fn(&mut SplattingAvatar)| {
         let mut other = source.clone();
         change(&mut other);
@@ -150,7 +149,7 @@ fn embeddings_that_do_not_fit_are_refused() {
     ];
     for (name, json, part) in files {
         println!("{name}");
-        write(&folder, "embedding.json", json);
+        written(&folder, "embedding.json", json);
         for kind in ["", "--from splatting-avatar"] {
             let command = format!("convert a.ply {kind} -o out.dermis");
             fails(&folder, &command, &["embedding.json", "; ", part]);
@@ -159,11 +158,11 @@ fn embeddings_that_do_not_fit_are_refused() {
         succeeds(&folder, "convert a.ply --from ply -o ply.dermis");
     }
     for mesh in [".", "/dev/zero"] {
-        write(&folder, "embedding.json", with("mesh.obj", mesh));
+        written(&folder, "embedding.json", with("mesh.obj", mesh));
         fails(&folder, "convert a.ply -o out.dermis", &["embedding.json: ", "folder or a device"]);
     }
-    write(&folder, "embedding.json", &whole);
-    write(&folder, "one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    written(&folder, "embedding.json", &whole);
+    written(&folder, "one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let command = "convert a.ply --mesh one.obj -o out.dermis";
     fails(&folder, command, &["one.obj: has 1 triangles, mesh.obj has 6; "]);
     succeeds(&folder, "convert a.ply --mesh mesh.glb -o moved.dermis");
@@ -174,7 +173,7 @@ fn embeddings_that_do_not_fit_are_refused() {
 
 /// Writes an embedding, and gives the folder again.
 fn write_and(folder: &Path, embedding: &str) -> PathBuf {
-    write(folder, "embedding.json", embedding);
+    written(folder, "embedding.json", embedding);
     folder.to_owned()
 }
 
@@ -183,11 +182,12 @@ fn series_that_are_none_are_refused() {
     let folder = empty_folder("hostile_series");
     let fine = SplatPly::random(10, 1, 6);
     let coarse = SplatPly { rows: fine.rows[..4].to_vec(), ..fine.clone() };
-    write(&folder, "0.ply", coarse.bytes());
+    written(&folder, "0.ply", coarse.bytes());
     let fails = |arguments: &str, parts: &[&str]| {
         fails(&folder, &format!("convert {arguments} -o out.dermis"), parts);
     };
     let other = SplatPly::random(10, 2, 6);
+    let mip = fine.ascii().replace("element", "comment SplatRenderMode: mip\nelement");
     let faint = (4..10).fold(fine.clone(), |ply, row| ply.with(row, "opacity", -20.0));
     let files = [
         ("moved", fine.with(2, "x", 7.0).bytes(), "vertex row 2 differs"),
@@ -202,15 +202,17 @@ fn series_that_are_none_are_refused() {
             "3 Gaussians",
         ),
         ("degree", other.bytes(), "of degree 2, the file before it of 1"),
+        ("mip", mip.into_bytes(), "another low-pass"),
+        ("packed", compressed_ply(&fine, true).0, "has no property x"),
         ("cut", fine.bytes()[..900].to_vec(), "at most"),
         ("text", b"solid cube\n".to_vec(), "ply"),
         ("faint", faint.bytes(), "none of the 6 Gaussians that it adds"),
     ];
     for (name, bytes, part) in files {
-        write(&folder, &format!("{name}.ply"), bytes);
+        written(&folder, &format!("{name}.ply"), bytes);
         fails(&format!("0.ply {name}.ply"), &[&format!("{name}.ply: "), "; ", part]);
     }
-    write(&folder, "1.ply", fine.bytes());
+    written(&folder, "1.ply", fine.bytes());
     fails("1.ply 0.ply", &["0.ply: has 4 Gaussians, the file before it 10", "coarse to fine"]);
     fails("0.ply absent.ply", &["absent.ply: ", "path"]);
     fails("0.ply 1.ply --from ply", &["0.ply: ", "2 files", "; "]);
@@ -224,13 +226,13 @@ fn damaged_files_neither_panic_nor_hang() {
     let folder = empty_folder("hostile_damaged");
     let mesh = pyramid(&folder);
     let glb = folder.join("mesh.glb");
-    let bound = write(&folder, "bound.ply", []);
+    let bound = written(&folder, "bound.ply", []);
     let whole = gaussian_avatar(&mesh, 2, 0, 4).bytes();
     let avatar = SplattingAvatar::random(&mesh, 2, 0, 6);
     let embedded = folder.join("embedded");
     fs::create_dir(&embedded).expect("it can be made");
-    write(&embedded, "mesh.obj", mesh.obj());
-    let ply = write(&embedded, "a.ply", avatar.ply.bytes());
+    written(&embedded, "mesh.obj", mesh.obj());
+    let ply = written(&embedded, "a.ply", avatar.ply.bytes());
     let json = avatar.embedding("mesh.obj").into_bytes();
     let each = |whole: &[u8], try_it: &dyn Fn(&[u8])| {
         for place in 0..whole.len() {
@@ -241,16 +243,16 @@ fn damaged_files_neither_panic_nor_hang() {
         }
     };
     let pack = |inputs: &[PathBuf], mesh: Option<&Path>| {
-        if let Ok((assembly, _)) = convert::assemble(inputs, mesh, None) {
+        if let Ok((assembly, _)) = convert::assemble(inputs, &Taken { mesh, ..Taken::default() }) {
             convert::pack(assembly).expect("what can be read can be packed");
         }
     };
     each(&whole, &|bytes| {
-        write(&folder, "bound.ply", bytes);
+        written(&folder, "bound.ply", bytes);
         pack(std::slice::from_ref(&bound), Some(&glb));
     });
     each(&json, &|bytes| {
-        write(&embedded, "embedding.json", bytes);
+        written(&embedded, "embedding.json", bytes);
         pack(std::slice::from_ref(&ply), None);
     });
 }

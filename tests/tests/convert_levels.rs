@@ -8,7 +8,7 @@ use dermis_runtime::{Avatar, Plan, Pose};
 use dermis_tests::converted::{exact, orbit, psnr};
 use dermis_tests::files::{self, SmallMesh};
 use dermis_tests::splats::SplatPly;
-use dermis_trainer::convert::{self, LeftOut};
+use dermis_trainer::convert::{self, LeftOut, Taken};
 
 /// A series as LapisGS trains it: each file holds the Gaussians of the one before it, dimmed or
 /// brightened, then its own.
@@ -56,7 +56,8 @@ fn each_level_is_the_picture_of_its_file() {
     for degree in [0, 2] {
         let series = series(&[300, 900, 2500, 6000], degree);
         let paths = written("convert_lapisgs", &series);
-        let (assembly, left_out) = convert::assemble(&paths, None, None).expect("it is a series");
+        let (assembly, left_out) =
+            convert::assemble(&paths, &Taken::default()).expect("it is a series");
         assert_eq!(left_out, LeftOut::default());
         let bytes = convert::pack(assembly).expect("what can be read can be packed");
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
@@ -78,7 +79,8 @@ fn what_no_level_shows_is_left_out() {
         *ply = ply.with(11, "scale_2", f32::NAN);
     }
     let paths = written("convert_lapisgs_left_out", &series);
-    let (assembly, left_out) = convert::assemble(&paths, None, None).expect("it is a series");
+    let (assembly, left_out) =
+        convert::assemble(&paths, &Taken::default()).expect("it is a series");
     assert_eq!(left_out, LeftOut { faint: 1, wild: 1 });
     for ply in &mut series {
         ply.rows.remove(11);
@@ -92,7 +94,7 @@ fn a_mesh_carries_levels_too() {
     let mut paths = written("convert_lapisgs_mesh", &series);
     let mesh = paths[0].with_file_name("mesh.glb");
     fs::write(&mesh, SmallMesh::pyramid().glb()).expect("it can be written");
-    let assembled = convert::assemble(&paths, Some(&mesh), None);
+    let assembled = convert::assemble(&paths, &Taken { mesh: Some(&mesh), ..Taken::default() });
     let bytes = convert::pack(assembled.expect("it is a series").0).expect("it can be packed");
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
     assert_eq!((avatar.header().frame, avatar.header().triangles), (FrameKind::Affine, 6));
@@ -100,7 +102,7 @@ fn a_mesh_carries_levels_too() {
 
     // Another order is none of this series.
     paths.reverse();
-    let error = convert::assemble(&paths, None, None).expect_err("fine before coarse");
+    let error = convert::assemble(&paths, &Taken::default()).expect_err("fine before coarse");
     let error = format!("{error:#}");
     assert!(error.contains("0.ply: has 300 Gaussians, the file before it 900"), "{error}");
 }

@@ -1,18 +1,19 @@
 //! Gaussians of other programs that hang on a mesh: the same pictures, at rest and in motion.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
-use dermis_format::{FrameKind, RecordKind};
+use dermis_format::{FrameKind, LowPass, RecordKind};
 use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
+use dermis_tests::command::run;
 use dermis_tests::converted::{ALL, exact, orbit, psnr};
-use dermis_tests::files::{self, SmallMesh};
+use dermis_tests::files::{self, SmallMesh, written};
 use dermis_tests::mounted::{
     PlainMesh, SplattingAvatar, covering, free_around, gaussian_avatar, gaussian_avatar_in_world,
 };
 use dermis_tests::small::WHITE;
+use dermis_tests::splat_files::in_every_format;
 use dermis_tests::splats::SplatPly;
-use dermis_trainer::convert::{self, Kind, LeftOut};
+use dermis_trainer::convert::{self, Kind, LeftOut, Taken};
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::import;
 use dermis_trainer::model::Material;
@@ -22,14 +23,17 @@ use glam::{DVec3, Vec3};
 /// Least PSNR of a converted file's pictures, dB over the foreground.
 const LEAST_DB: f64 = 45.0;
 
-fn written(folder: &Path, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-    let path = folder.join(name);
-    fs::write(&path, bytes).expect("it can be written");
-    path
+/// With a mesh that carries what is read.
+fn on(mesh: &Path) -> Taken<'_> {
+    Taken { mesh: Some(mesh), ..Taken::default() }
 }
 
-fn converted(inputs: &[PathBuf], mesh: Option<&Path>, kind: Option<Kind>) -> Vec<u8> {
-    let assembled = convert::assemble(inputs, mesh, kind);
+fn as_kind(kind: Kind) -> Taken<'static> {
+    Taken { kind: Some(kind), ..Taken::default() }
+}
+
+fn converted(inputs: &[PathBuf], taken: &Taken<'_>) -> Vec<u8> {
+    let assembled = convert::assemble(inputs, taken);
     let (assembly, left_out) = assembled.unwrap_or_else(|error| panic!("{error:#}"));
     assert_eq!(left_out, LeftOut::default());
     convert::pack(assembly).unwrap_or_else(|error| panic!("{error:#}"))
@@ -85,8 +89,14 @@ fn gaussian_avatars_move_as_their_authors_meant() {
     for degree in [0, 3] {
         let ply = gaussian_avatar(&mesh, 3000, degree, 4);
         let input = [written(&folder, "a.ply", ply.bytes())];
-        let bytes = converted(&input, Some(&path), None);
-        assert!(bytes == converted(&input, Some(&path), Some(Kind::GaussianAvatars)));
+        let bytes = converted(&input, &on(&path));
+        assert!(
+            bytes
+                == converted(
+                    &input,
+                    &Taken { mesh: Some(&path), ..as_kind(Kind::GaussianAvatars) }
+                )
+        );
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         let header = avatar.header();
         assert_eq!((header.frame, header.record), (FrameKind::Edge, RecordKind::Full));
@@ -113,8 +123,8 @@ fn splatting_avatars_are_the_same_in_their_canonical_pose() {
         let source = SplattingAvatar::random(&mesh, 3000, degree, 6);
         written(&folder, "embedding.json", source.embedding("embedding.obj"));
         let input = [written(&folder, "point_cloud.ply", source.ply.bytes())];
-        let bytes = converted(&input, None, None);
-        assert!(bytes == converted(&input, None, Some(Kind::SplattingAvatar)));
+        let bytes = converted(&input, &Taken::default());
+        assert!(bytes == converted(&input, &as_kind(Kind::SplattingAvatar)));
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         let db = worst_view(
             &format!("SplattingAvatar of degree {degree}"),
@@ -125,7 +135,7 @@ fn splatting_avatars_are_the_same_in_their_canonical_pose() {
         );
         assert!(db > LEAST_DB, "{db:.2} dB");
         // As it stands, on request.
-        let bytes = converted(&input, None, Some(Kind::Ply));
+        let bytes = converted(&input, &as_kind(Kind::Ply));
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         assert_eq!(avatar.header().frame, FrameKind::World);
         let db = worst_view("its PLY alone", &avatar, &Pose::Rest, &source.ply, 200);
@@ -139,7 +149,7 @@ fn free_gaussians_stay_in_place_on_a_mesh() {
     let (path, mesh) = figure(&folder, "mesh.obj");
     for degree in [0, 1] {
         let ply = free_around(&mesh, 3000, degree, 8);
-        let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+        let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], &on(&path));
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         let what = format!("free on a mesh, degree {degree}");
         let db = worst_view(&what, &avatar, &Pose::Rest, &ply, 200);
@@ -158,6 +168,57 @@ fn free_gaussians_stay_in_place_on_a_mesh() {
 }
 
 #[test]
+fn every_file_of_free_gaussians_hangs_on_a_mesh() {
+    let folder = files::empty_folder("convert_files_on_mesh");
+    let (path, mesh) = figure(&folder, "mesh.obj");
+    for (name, bytes, said) in in_every_format(&free_around(&mesh, 2000, 0, 8)) {
+        let bytes = converted(&[written(&folder, name, bytes)], &on(&path));
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        let header = avatar.header();
+        assert_eq!((header.frame, header.gaussians), (FrameKind::Affine, 2000), "{name}");
+        let db = worst_view(&format!("{name} on a mesh"), &avatar, &Pose::Rest, &said, 200);
+        assert!(db > LEAST_DB, "{name}: {db:.2} dB");
+    }
+}
+
+#[test]
+fn a_half_turn_is_that_of_free_gaussians_alone() {
+    let folder = files::empty_folder("convert_turned_on_mesh");
+    let (path, mesh) = figure(&folder, "mesh.obj");
+    let ply = free_around(&mesh, 300, 1, 8);
+    let mut captured = ply.clone();
+    // Coefficients of y and z of each channel; that of x stays.
+    let turned = ["y", "z", "rot_2", "rot_3"].map(str::to_owned).into_iter();
+    let turned = turned.chain([0, 1, 3, 4, 6, 7].map(|i| format!("f_rest_{i}")));
+    for name in turned {
+        let column = ply.names.iter().position(|own| *own == name).expect("it has this property");
+        captured.rows.iter_mut().for_each(|row| row[column] = -row[column]);
+    }
+    let expected = converted(&[written(&folder, "a.ply", ply.bytes())], &on(&path));
+    let captured = [written(&folder, "captured.ply", captured.bytes())];
+    assert!(converted(&captured, &Taken { half_turn: true, ..on(&path) }) == expected);
+    assert!(converted(&captured, &on(&path)) != expected);
+}
+
+#[test]
+fn low_pass_and_degree_of_what_hangs_on_a_mesh_are_those_of_the_file() {
+    let folder = files::empty_folder("convert_low_pass_on_mesh");
+    let (_, mesh) = figure(&folder, "mesh.obj");
+    let text = gaussian_avatar(&mesh, 40, 2, 4).ascii();
+    let mip = text.replace("element", "comment SplatRenderMode: mip\nelement");
+    for (text, low_pass) in [(text, LowPass::Classic), (mip, LowPass::Compensated)] {
+        let path = written(&folder, "a.ply", text);
+        let bytes = converted(&[path], &on(&folder.join("mesh.obj")));
+        let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
+        assert_eq!((avatar.header().low_pass, avatar.header().harmonics_degree), (low_pass, 2));
+    }
+    let cut = run(&folder, "convert a.ply --mesh mesh.obj --sh-degree 1 -o a.dermis --json");
+    assert_eq!(cut.stderr, "a.ply: cut harmonics of degree 2 to 1\n");
+    let json: serde_json::Value = serde_json::from_str(&cut.stdout).expect("it is JSON");
+    assert_eq!([&json["sh_degree"], &json["sh_degree_cut_from"]], [1, 2]);
+}
+
+#[test]
 fn flat_triangles_carry_nothing() {
     let folder = files::empty_folder("convert_flat_triangles");
     let (_, mesh) = figure(&folder, "plain.obj");
@@ -166,7 +227,7 @@ fn flat_triangles_carry_nothing() {
     let flat = |&[a, b, c]: &[u32; 3]| [[a, b, a], [c, c, b], [a, b, c]];
     let mixed = PlainMesh { triangles: mesh.triangles.iter().flat_map(flat).collect(), ..mesh };
     let path = written(&folder, "mesh.obj", mixed.obj());
-    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], &on(&path));
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
     assert_eq!(avatar.header().triangles as usize, mixed.triangles.len());
     let db = worst_view("beside flat triangles", &avatar, &Pose::Rest, &ply, 200);
@@ -179,7 +240,7 @@ fn meshes_in_glb_carry_too() {
     let path = written(&folder, "mesh.glb", SmallMesh::pyramid().glb());
     let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
     let ply = gaussian_avatar(&mesh, 500, 1, 4);
-    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], Some(&path), None);
+    let bytes = converted(&[written(&folder, "a.ply", ply.bytes())], &on(&path));
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
     let world = gaussian_avatar_in_world(&ply, &mesh);
     let db = worst_view("on a pyramid", &avatar, &Pose::Rest, &world, 120);
@@ -194,7 +255,7 @@ fn real_meshes_carry_in_motion() {
         let path = data.join(name);
         let mesh = PlainMesh::at_rest(&import::load(&path).expect("it can be read"));
         let local = gaussian_avatar(&mesh, 20_000, 0, 4);
-        let bytes = converted(&[written(&folder, "a.ply", local.bytes())], Some(&path), None);
+        let bytes = converted(&[written(&folder, "a.ply", local.bytes())], &on(&path));
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         let clip = Pose::Clip { clip: 0, seconds: 1.0 };
         let poses = [("rest", Pose::Rest), ("first clip", clip)];
@@ -204,7 +265,7 @@ fn real_meshes_carry_in_motion() {
             assert!(db > LEAST_DB, "{name}, {what}: {db:.2} dB");
         }
         let free = free_around(&mesh, 20_000, 0, 9);
-        let bytes = converted(&[written(&folder, "b.ply", free.bytes())], Some(&path), None);
+        let bytes = converted(&[written(&folder, "b.ply", free.bytes())], &on(&path));
         let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
         let db = worst_view(&format!("{name}, free, rest"), &avatar, &Pose::Rest, &free, 400);
         assert!(db > LEAST_DB, "{name}: {db:.2} dB");
@@ -224,7 +285,7 @@ fn a_rigged_mesh_moves_a_splatting_avatar() {
     written(&folder, "embedding.json", source.embedding(&name));
     let input = [written(&folder, "a.ply", source.ply.bytes())];
     let rigged = data.join("valid_male.glb");
-    let bytes = converted(&input, Some(&rigged), None);
+    let bytes = converted(&input, &on(&rigged));
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
     let glb = PlainMesh::at_rest(&import::load(&rigged).expect("it can be read"));
     let (from, world) = (glb.clone(), source.in_world(&mesh, &mesh));
@@ -257,7 +318,7 @@ fn a_gait_opens_no_cracks() {
         vertex.color = paint(place).as_vec3().extend(1.0);
     }
     let cover = covering(&mesh, 20_000, |p| paint(p).to_array().map(|x| srgb_encode(x as f32)));
-    let bytes = converted(&[written(&folder, "a.ply", cover.bytes())], Some(&path), None);
+    let bytes = converted(&[written(&folder, "a.ply", cover.bytes())], &on(&path));
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
     let plan = Plan::with_budget(&avatar, ALL);
     let painter = Painter::new(&model);

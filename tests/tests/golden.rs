@@ -97,7 +97,7 @@ fn ribbon() -> Source {
         }],
         mathematics: Mathematics { low_pass: LowPass::Compensated, ..Mathematics::default() },
         bounds: [[-0.2, 0.0, 0.0], [0.2, 1.2, 0.0]],
-        key_frames: Vec::new(),
+        ..Source::default()
     }
 }
 

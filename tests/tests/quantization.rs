@@ -1,9 +1,7 @@
 //! What writing an avatar to a file costs, and how training makes up for it.
 
-use std::iter::repeat_n;
-
 use dermis_format::walk::Levels;
-use dermis_format::{Disc, FrameKind, LowPass, Records};
+use dermis_format::{Disc, DiscWidths, FrameKind, LowPass, Records};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::{Avatar, Camera};
 use dermis_tests::compare::cost_of_packing;
@@ -14,6 +12,7 @@ use dermis_trainer::optimize::forward::{Stage, draw};
 use dermis_trainer::optimize::loss::Loss;
 use dermis_trainer::optimize::rounding::as_stored;
 use dermis_trainer::optimize::schedule::{Prefixes, Random, Schedule};
+use dermis_trainer::options::Options;
 use dermis_trainer::scene::Truth;
 use dermis_trainer::truth::{Crop, Store, TrainingView};
 
@@ -27,8 +26,32 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
         let cost = cost_of_packing(&model, &trained, &options, count, 6);
         println!("{count} Gaussians: {cost:.3?}");
         assert!(cost.cloud > 15.0, "{} dB is no picture of it", cost.cloud);
-        assert!(cost.between > 50.0, "the pictures differ by {:.1} dB", cost.between);
+        assert!(cost.between > 36.0, "the pictures differ by {:.1} dB", cost.between);
         assert!(cost.cloud - cost.file <= 0.3, "{cost:?}");
+    }
+}
+
+/// What is asked of the training views is about what views that training did not see lose.
+#[test]
+fn bits_are_as_few_as_the_wanted_loss_allows() {
+    let widths = |bytes: &[u8]| {
+        let avatar = Avatar::parse(bytes).expect("what was trained is valid");
+        let block = avatar.blocks().last().expect("it has blocks");
+        let Records::Disc(discs) = block.records else { panic!("training makes discs") };
+        discs.layout()
+    };
+    let mut before = u32::MAX;
+    for max_loss_db in [0.0, 0.05, 0.3] {
+        let options = Options { max_loss_db, ..options(2000, 100) };
+        let (model, trained) = trained_demo(&options);
+        let bits = widths(&trained.bytes).bits();
+        let cost = cost_of_packing(&model, &trained, &options, 2000, 6);
+        println!("{max_loss_db} dB: {bits} bits, {cost:.3?}");
+        assert!(bits < before, "{bits} bits for {max_loss_db} dB, {before} before");
+        assert!(max_loss_db > 0.0 || bits == 80, "{bits}");
+        let lost = cost.cloud - cost.file;
+        assert!(lost <= f64::from(max_loss_db) * 1.5 + 0.02, "{max_loss_db}: {cost:?}");
+        before = bits;
     }
 }
 
@@ -36,15 +59,19 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
 fn the_last_steps_draw_what_is_read() {
     let (_, trained) = trained_demo(&options(2000, 20));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
-    let drawn = as_stored(&trained.clouds[0]).expect("it can be written");
+    let widths = |layer: u8| {
+        let block = avatar.blocks().find(|block| block.layer == layer).expect("no layer is empty");
+        let Records::Disc(discs) = block.records else { panic!("training makes discs") };
+        discs.layout().widths()
+    };
+    let widths: Vec<DiscWidths> = (0..avatar.header().layers).map(widths).collect();
+    let drawn = as_stored(&trained.clouds[0], &widths).expect("it can be written");
     for (level, drawn) in (0..).zip(&drawn.levels) {
         let blocks = avatar.blocks_at(|_| Levels { upper: level, lower: None });
         let read: Vec<Disc> = (blocks.take_while(|block| block.layer <= level))
             .flat_map(|block| {
                 let Records::Disc(records) = block.records else { panic!("training makes discs") };
-                let groups = block.groups.iter();
-                let of_each = groups.flat_map(|g| repeat_n(g, usize::from(g.count_less_one) + 1));
-                of_each.zip(records).map(|(group, record)| group.disc(record))
+                records.iter().collect::<Vec<_>>()
             })
             .collect();
         assert_eq!(read.len(), drawn.len(), "level {level}");

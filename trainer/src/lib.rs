@@ -12,7 +12,8 @@
 //! 6. [`draw`] draws a file as its users will, [`orbit`] places a camera; [`eval`] and [`metrics`] compare with the mesh, and
 //!    with a reference renderer in f64; [`page`] shows it.
 //!
-//! [`convert`] takes another way to the bytes, from Gaussians that are trained already; [`mannequin`]
+//! [`convert`] takes another way to the bytes, from Gaussians that are trained already, and [`export`] leads back
+//! to files of other programs; [`mannequin`]
 //! makes Gaussians to measure on, and [`mod@bench`] measures the time of a frame beside its error.
 //!
 //! [`reproduce`] makes the papers' tables for a mesh.
@@ -31,6 +32,7 @@ pub mod describe;
 pub mod draw;
 pub mod embed;
 pub mod eval;
+pub mod export;
 pub mod import;
 pub mod mannequin;
 pub mod methods;

@@ -39,6 +39,8 @@ enum Command {
     Train(commands::train::Arguments),
     /// Turns trained Gaussians of another program into an avatar, on a mesh or without.
     Convert(commands::convert::Arguments),
+    /// Writes posed Gaussians as a file of other programs.
+    Export(commands::export::Arguments),
     /// Prints what a file holds, byte by byte.
     Info(commands::info::Arguments),
     /// Draws one picture.
@@ -77,6 +79,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Demo(arguments) => commands::demo::run(arguments, &cli.common),
         Command::Train(arguments) => commands::train::run(arguments, &cli.common),
         Command::Convert(arguments) => commands::convert::run(arguments, &cli.common),
+        Command::Export(arguments) => commands::export::run(arguments, &cli.common),
         Command::Info(arguments) => commands::info::run(arguments, &cli.common),
         Command::Render(arguments) => commands::render::run(arguments, &cli.common),
         Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),

@@ -10,7 +10,7 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Preset {
-    /// 2,400 steps of 540×540, 4 key frames: a minute for a person on two cores.
+    /// 2,000 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
     /// 14,500 steps of 540×540, 20 key frames: five minutes.
     Default,
@@ -50,6 +50,8 @@ pub struct Options {
     /// Share of the steps, the last ones, that draw Gaussians rounded to the file's codes, so that what is written is
     /// what was matched. A step of them takes a sixth longer.
     pub finish: f32,
+    /// PSNR that a level may lose to the few bits of the file's numbers, on the training views, dB; 0: 8 bits each.
+    pub max_loss_db: f32,
     /// What to lessen.
     pub loss: Loss,
     /// What a blend in each pixel of a picture adds to the loss: pictures that are cheaper to draw.
@@ -66,11 +68,14 @@ pub struct Options {
     pub memory_bytes: u64,
 }
 
+/// Loss that nobody sees, for two thirds of the bits of 8 each; of all Gaussians the last steps win most of it back.
+pub const MAX_LOSS_DB: f32 = 0.1;
+
 impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size) = match preset {
-            Preset::Draft => (2_400, 150, 4, 540),
+            Preset::Draft => (2_000, 150, 4, 540),
             Preset::Default => (14_500, 300, 20, 540),
             Preset::Best => (10_000, 300, 20, 1080),
         };
@@ -88,6 +93,7 @@ impl Options {
             background: [1.0; 3],
             warm_up: 0.1,
             finish: 0.05,
+            max_loss_db: MAX_LOSS_DB,
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: true,
@@ -119,6 +125,7 @@ impl Options {
             shift: 0,
             warm_up: self.warm_up,
             finish: self.finish,
+            max_loss_db: self.max_loss_db,
             random_background: 0.3,
         }
     }

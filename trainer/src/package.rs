@@ -42,7 +42,7 @@ pub fn rigged_mesh(model: &Model) -> Source {
         regions: vec![Region { name: "body".into(), layers: vec![0], ..Region::default() }],
         mathematics: Mathematics::default(),
         bounds: [rest.min.to_array(), rest.max.to_array()],
-        key_frames: Vec::new(),
+        ..Source::default()
     }
 }
 

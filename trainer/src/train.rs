@@ -74,6 +74,7 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     }
     let clouds = options.method.train(&mut workshop)?;
     let mut source = package::with_gaussians(source, &clouds);
+    source.widths = workshop.widths(&clouds)?;
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);
         for (region, importance) in source.regions.iter_mut().zip(importances) {

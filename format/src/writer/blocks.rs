@@ -1,19 +1,20 @@
 //! Regions and their blocks of Gaussians to bytes.
 
 use core::iter;
+use core::ops::Range;
 
-use crate::order;
-use crate::quant::Disc;
-use crate::quant::{opacity_code, ycocg_of_rgb};
-use crate::record::{BlockRecord, GroupRecord, ImportanceRecord, KeyFrameRecord, Range, U16, U32};
+use crate::order::{self, GROUP_LEN};
+use crate::quant::{Full, opacity_code, ycocg_of_rgb};
+use crate::record::{
+    self, BlockRecord, DiscWidths, FullGroup, ImportanceRecord, KeyFrameRecord, U32,
+};
 use crate::section::tag;
 use crate::source::{Gaussians, Importance, Region, Source};
+use crate::triangles;
 
+use super::discs::disc_bytes;
 use super::levels::{check_levels, write_levels};
 use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section};
-
-/// Most Gaussians that share ranges.
-const GROUP_LEN: usize = 256;
 
 pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), EncodeError> {
     section(out, tag::REGIONS, &name_bytes(source.regions.iter().map(|region| &region.name)))?;
@@ -63,9 +64,9 @@ pub(super) fn write_blocks(out: &mut Vec<u8>, source: &Source) -> Result<(), Enc
     }
     blocks.sort_unstable();
     for (_, index, layer, first, count) in blocks {
-        write_levels(out, &source.regions[index], index as u8, layer, first)?;
-        let payload =
-            block_payload(&source.regions[index], index as u8, layer, first, count, source)?;
+        let region = &source.regions[index];
+        write_levels(out, region, index as u8, layer, first, widths(source, layer))?;
+        let payload = block_payload(region, index as u8, layer, (first, count), source)?;
         section(out, tag::BLOCK, &payload)?;
     }
     Ok(())
@@ -95,6 +96,9 @@ fn check_region(region: &Region, source: &Source) -> Result<(), EncodeError> {
             region.name
         ));
     }
+    if !region.later_opacities.iter().flatten().all(|opacity| opacity.is_finite()) {
+        return refuse("a Gaussian has a number that is not finite");
+    }
     let coefficients = 3 * ((usize::from(source.mathematics.harmonics_degree) + 1).pow(2) - 1);
     let expected = if coefficients == 0 { 0 } else { n };
     if region.harmonics.len() != expected
@@ -112,69 +116,30 @@ fn block_payload(
     region: &Region,
     region_index: u8,
     layer: u8,
-    first: u32,
-    count: u32,
+    (first, count): (u32, u32),
     source: &Source,
 ) -> Result<Vec<u8>, EncodeError> {
     let places = first as usize..(first + count) as usize;
-    let triangles = region.triangles.get(places.clone()).unwrap_or(&[]);
-    if !triangles.is_sorted() {
-        return refuse(format!(
-            "region {}: a block's Gaussians do not stand by triangle",
-            region.name
-        ));
-    }
-    let groups = group_ends(triangles, places.len());
-    let mut records: Vec<u8> = Vec::new();
-    let mut relative = Vec::new();
-    let mut group_records = Vec::new();
-    let mut harmonics: Vec<u8> = Vec::new();
-    let mut start = 0;
-    for end in groups {
-        let range = places.start + start..places.start + end;
-        let base = triangles.get(start).copied().unwrap_or(0);
-        let group = group_record(region, range.clone(), base)?;
-        relative.extend(
-            triangles.get(start..end).unwrap_or(&[]).iter().map(|&t| U16::from((t - base) as u16)),
-        );
-        match &region.gaussians {
-            Gaussians::Disc(discs) => {
-                discs[range.clone()]
-                    .iter()
-                    .for_each(|d| records.extend(bytes_of(&[group.encode_disc(d)])));
-            }
-            Gaussians::Full(fulls) => {
-                fulls[range.clone()]
-                    .iter()
-                    .for_each(|g| records.extend(bytes_of(&[group.encode_full(g)])));
-            }
-        }
-        let step = group.harmonics_step.get();
-        for coefficients in region.harmonics.get(range).unwrap_or(&[]) {
-            harmonics.extend(
-                coefficients
-                    .iter()
-                    .map(|&x| if step > 0.0 { (x / step).round() as i8 as u8 } else { 0 }),
-            );
-        }
-        group_records.push(group);
-        start = end;
-    }
     let head = BlockRecord {
         region: region_index,
         layer,
-        groups: narrow::<u16>("groups", group_records.len())?.into(),
+        count: narrow::<u16>("Gaussians of a block", places.len())?.into(),
         first: first.into(),
-        count: count.into(),
     };
     let mut payload = bytes_of(&[head]).to_vec();
-    payload.extend(bytes_of(&group_records));
-    payload.extend(bytes_of(&relative));
-    payload.extend(records);
+    if let Some(triangles) = region.triangles.get(places.clone()) {
+        payload.extend(triangle_bytes(triangles, region)?);
+    }
+    match &region.gaussians {
+        Gaussians::Disc(discs) => {
+            payload.extend(disc_bytes(&discs[places.clone()], widths(source, layer))?);
+        }
+        Gaussians::Full(_) => payload.extend(full_bytes(region, places.clone())?),
+    }
     let levels = source.regions.iter().any(|region| !region.later_opacities.is_empty());
     if levels {
         let later = region.layers.len() - usize::from(layer) - 1;
-        for place in places {
+        for place in places.clone() {
             match region.later_opacities.get(place) {
                 Some(opacities) => payload.extend(opacities.iter().map(|&o| opacity_code(o))),
                 // The same at all levels.
@@ -182,8 +147,26 @@ fn block_payload(
             }
         }
     }
-    payload.extend(harmonics);
+    payload.extend(harmonic_bytes(region.harmonics.get(places).unwrap_or(&[])));
     Ok(payload)
+}
+
+fn triangle_bytes(triangles: &[u32], region: &Region) -> Result<Vec<u8>, EncodeError> {
+    if !triangles.is_sorted() {
+        return refuse(format!(
+            "region {}: a block's Gaussians do not stand by triangle",
+            region.name
+        ));
+    }
+    let Some(bytes) = triangles::encode(triangles) else {
+        return refuse(format!("region {}: a block's triangles are too far apart", region.name));
+    };
+    Ok(bytes)
+}
+
+/// Bits of the discs' numbers at a level.
+fn widths(source: &Source, level: u8) -> DiscWidths {
+    source.widths.get(usize::from(level)).copied().unwrap_or_default()
 }
 
 fn own_opacity_code(region: &Region, place: usize) -> u8 {
@@ -193,93 +176,53 @@ fn own_opacity_code(region: &Region, place: usize) -> u8 {
     })
 }
 
-/// Where groups end: after 256 Gaussians, or before a triangle too far from the group's first.
-pub(super) fn group_ends(triangles: &[u32], count: usize) -> Vec<usize> {
-    let mut ends = Vec::new();
-    let mut start = 0;
-    while start < count {
-        let mut end = (start + GROUP_LEN).min(count);
-        if let Some(base) = triangles.get(start) {
-            let near = triangles[start..end].partition_point(|t| t - base <= u32::from(u16::MAX));
-            end = start + near;
-        }
-        ends.push(end);
-        start = end;
-    }
-    ends
+/// Step of a group's harmonics: codes are −127 to 127.
+fn harmonics_step(harmonics: &[Vec<f32>]) -> f32 {
+    let magnitudes = harmonics.iter().flatten().map(|x| x.abs());
+    extent(magnitudes).map_or(0.0, |(_, greatest)| greatest) / 127.0
 }
 
-fn group_record(
-    region: &Region,
-    places: core::ops::Range<usize>,
-    base: u32,
-) -> Result<GroupRecord, EncodeError> {
-    let harmonics = region.harmonics.get(places.clone()).unwrap_or(&[]);
-    let greatest =
-        extent(harmonics.iter().flatten().map(|x| x.abs())).map_or(0.0, |(_, high)| high);
-    let count_less_one = (places.len() - 1) as u8;
-    if !codes_are_finite(region, &places) {
-        return refuse("a Gaussian has a number that is not finite");
-    }
-    let (position, log2_scale, color) = match &region.gaussians {
-        Gaussians::Disc(discs) => return disc_group(&discs[places], base),
-        Gaussians::Full(fulls) => {
-            let fulls = &fulls[places];
-            let position = |i: usize| spanning(fulls.iter().map(|g| g.position[i]), u16::MAX);
-            (
-                [position(0)?, position(1)?, position(2)?],
-                spanning(fulls.iter().flat_map(|g| g.log2_scale), 255)?,
-                color_ranges(fulls.iter().map(|g| g.color))?,
-            )
-        }
-    };
-    Ok(GroupRecord {
-        count_less_one,
-        base_triangle: base.into(),
-        position,
-        log2_scale,
-        color,
-        harmonics_step: (greatest / 127.0).into(),
-    })
+fn harmonic_bytes(harmonics: &[Vec<f32>]) -> Vec<u8> {
+    let groups = harmonics.chunks(GROUP_LEN);
+    let codes = groups.flat_map(|group| {
+        let step = harmonics_step(group);
+        let code = move |&x: &f32| if step > 0.0 { (x / step).round() as i8 as u8 } else { 0 };
+        group.iter().flatten().map(code)
+    });
+    codes.collect()
 }
 
-/// The ranges of discs that stand in a row.
-pub(super) fn disc_group(discs: &[Disc], base: u32) -> Result<GroupRecord, EncodeError> {
-    if !discs.iter().all(|d| d.angle.is_finite() && d.opacity.is_finite()) {
+/// Groups and records of Gaussians with three scales.
+fn full_bytes(region: &Region, places: Range<usize>) -> Result<Vec<u8>, EncodeError> {
+    let Gaussians::Full(fulls) = &region.gaussians else { return Ok(Vec::new()) };
+    let (fulls, harmonics) = (&fulls[places.clone()], region.harmonics.get(places).unwrap_or(&[]));
+    if !fulls.iter().flat_map(|g| g.rotation.into_iter().chain([g.opacity])).all(f32::is_finite) {
         return refuse("a Gaussian has a number that is not finite");
     }
-    let position = |i: usize| spanning(discs.iter().map(|d| d.position[i]), 255);
-    Ok(GroupRecord {
-        count_less_one: (discs.len() - 1) as u8,
-        base_triangle: base.into(),
+    let (mut groups, mut records) = (Vec::new(), Vec::new());
+    for (index, fulls) in fulls.chunks(GROUP_LEN).enumerate() {
+        let harmonics = harmonics.chunks(GROUP_LEN).nth(index).unwrap_or(&[]);
+        let group = full_group(fulls, harmonics_step(harmonics))?;
+        records.extend(fulls.iter().map(|full| group.encode(full)));
+        groups.push(group);
+    }
+    Ok([bytes_of(&groups), bytes_of(&records)].concat())
+}
+
+fn full_group(fulls: &[Full], harmonics_step: f32) -> Result<FullGroup, EncodeError> {
+    let position = |i: usize| spanning(fulls.iter().map(|g| g.position[i]), u16::MAX);
+    let color = |i: usize| spanning(fulls.iter().map(|g| ycocg_of_rgb(g.color)[i]), 255);
+    Ok(FullGroup {
         position: [position(0)?, position(1)?, position(2)?],
-        log2_scale: spanning(discs.iter().flat_map(|d| d.log2_scale), 255)?,
-        color: color_ranges(discs.iter().map(|d| d.color))?,
-        harmonics_step: 0.0.into(),
+        log2_scale: spanning(fulls.iter().flat_map(|g| g.log2_scale), 255)?,
+        color: [color(0)?, color(1)?, color(2)?],
+        harmonics_step: harmonics_step.into(),
     })
 }
 
-/// Whether the numbers that have codes of their own (no range of the group) are finite.
-fn codes_are_finite(region: &Region, places: &core::ops::Range<usize>) -> bool {
-    let later = region.later_opacities.get(places.clone()).unwrap_or(&[]);
-    let own = match &region.gaussians {
-        // Those of discs are checked with their ranges.
-        Gaussians::Disc(_) => true,
-        Gaussians::Full(fulls) => fulls[places.clone()]
-            .iter()
-            .all(|g| g.rotation.iter().all(|x| x.is_finite()) && g.opacity.is_finite()),
-    };
-    own && later.iter().flatten().all(|x| x.is_finite())
-}
-
-fn color_ranges(colors: impl Iterator<Item = [f32; 3]> + Clone) -> Result<[Range; 3], EncodeError> {
-    let channel = |i: usize| spanning(colors.clone().map(|rgb| ycocg_of_rgb(rgb)[i]), 255);
-    Ok([channel(0)?, channel(1)?, channel(2)?])
-}
-
-fn spanning(values: impl Iterator<Item = f32>, last: u16) -> Result<Range, EncodeError> {
+fn spanning(values: impl Iterator<Item = f32>, last: u16) -> Result<record::Range, EncodeError> {
     match extent(values) {
-        Some((low, high)) if high.is_finite() => Ok(Range::spanning(low, high, last)),
+        Some((low, high)) if high.is_finite() => Ok(record::Range::spanning(low, high, last)),
         _ => refuse("a Gaussian has a number that is not finite"),
     }
 }

@@ -1,40 +1,101 @@
-//! Discs in a row to groups and records, and what becomes of them.
+//! Discs in a row to bytes, and what becomes of them.
 
-use core::iter;
+use crate::bits::BitWriter;
+use crate::discs::DiscLayout;
+use crate::order::GROUP_LEN;
+use crate::quant::{Disc, last_code, ycocg_of_rgb};
+use crate::record::{DiscGroup, DiscWidths, ShortRange};
 
-use crate::quant::Disc;
-use crate::record::{DiscRecord, GroupRecord};
+use super::{EncodeError, bytes_of, extent, refuse};
 
-use super::EncodeError;
-use super::blocks::{disc_group, group_ends};
-
-/// The discs of one block at one level; `triangles` are theirs, none without a mesh.
-pub(super) fn disc_planes(
-    triangles: &[u32],
-    discs: &[Disc],
-) -> Result<(Vec<GroupRecord>, Vec<DiscRecord>), EncodeError> {
-    let (mut groups, mut records) = (Vec::new(), Vec::new());
-    let mut start = 0;
-    for end in group_ends(triangles, discs.len()) {
-        let group = disc_group(&discs[start..end], triangles.get(start).copied().unwrap_or(0))?;
-        records.extend(discs[start..end].iter().map(|disc| group.encode_disc(disc)));
+/// The discs of one block at one level: widths, groups, records.
+pub(super) fn disc_bytes(discs: &[Disc], widths: DiscWidths) -> Result<Vec<u8>, EncodeError> {
+    let layout = layout(widths)?;
+    let (mut groups, mut codes) = (Vec::new(), Vec::with_capacity(discs.len()));
+    for discs in discs.chunks(GROUP_LEN) {
+        let group = group_of(discs, widths)?;
+        codes.extend(discs.iter().map(|disc| group.encode(disc, layout)));
         groups.push(group);
-        start = end;
     }
-    Ok((groups, records))
+    Ok([bytes_of(&[widths]), bytes_of(&groups), &packed(&codes, widths)].concat())
+}
+
+/// Records of codes, of each the lowest bits.
+pub fn packed(codes: &[Disc<u16>], widths: DiscWidths) -> Vec<u8> {
+    let mut records = BitWriter::default();
+    codes.iter().for_each(|codes| write_record(&mut records, codes, widths));
+    records.finish()
 }
 
 /// What a reader gets of the discs of one block, at one level: each number rounded to a code of the group's range, which
-/// follows from all discs of the group. `triangles` are those of the discs, none without a mesh.
+/// follows from all discs of the group.
 ///
 /// # Errors
 ///
-/// Where a number is not finite.
-pub fn stored(triangles: &[u32], discs: &[Disc]) -> Result<Vec<Disc>, EncodeError> {
-    let (groups, records) = disc_planes(triangles, discs)?;
-    let of_each = groups.iter().flat_map(|group| {
-        let count = usize::from(group.count_less_one) + 1;
-        iter::repeat_n(group, count)
-    });
-    Ok(of_each.zip(&records).map(|(group, record)| group.disc(record)).collect())
+/// Where a number is not finite, or a width is above 8.
+pub fn stored(discs: &[Disc], widths: DiscWidths) -> Result<Vec<Disc>, EncodeError> {
+    let layout = layout(widths)?;
+    let mut stored = Vec::with_capacity(discs.len());
+    for discs in discs.chunks(GROUP_LEN) {
+        let group = group_of(discs, widths)?;
+        stored.extend(discs.iter().map(|disc| {
+            let codes = group.encode(disc, layout).map(f32::from);
+            group.disc_of_codes(&codes, widths.angle, |x| x)
+        }));
+    }
+    Ok(stored)
+}
+
+fn layout(widths: DiscWidths) -> Result<DiscLayout, EncodeError> {
+    DiscLayout::new(widths)
+        .map_or_else(|| refuse(format!("{widths:?}: numbers have at most 8 bits")), Ok)
+}
+
+fn group_of(discs: &[Disc], widths: DiscWidths) -> Result<DiscGroup, EncodeError> {
+    if !discs.iter().all(|disc| disc.angle.is_finite()) {
+        return refuse("a Gaussian has a number that is not finite");
+    }
+    let position = |i: usize| spanning(discs.iter().map(|d| d.position[i]), widths.position[i]);
+    let color =
+        |i: usize| spanning(discs.iter().map(|d| ycocg_of_rgb(d.color)[i]), widths.color[i]);
+    Ok(DiscGroup {
+        position: [position(0)?, position(1)?, position(2)?],
+        log2_scale: spanning(discs.iter().flat_map(|d| d.log2_scale), widths.scale)?,
+        color: [color(0)?, color(1)?, color(2)?],
+        opacity: spanning(discs.iter().map(|d| d.opacity), widths.opacity)?,
+    })
+}
+
+/// The numbers of a record in the order in which they stand.
+fn write_record(records: &mut BitWriter, codes: &Disc<u16>, widths: DiscWidths) {
+    let ([x, y, z], [s, t], [luma, orange, green]) =
+        (codes.position, codes.log2_scale, codes.color);
+    let [x_bits, y_bits, z_bits] = widths.position;
+    let [luma_bits, orange_bits, green_bits] = widths.color;
+    for (code, bits) in [
+        (x, x_bits),
+        (y, y_bits),
+        (z, z_bits),
+        (codes.angle, widths.angle),
+        (s, widths.scale),
+        (t, widths.scale),
+        (luma, luma_bits),
+        (orange, orange_bits),
+        (green, green_bits),
+        (codes.opacity, widths.opacity),
+    ] {
+        records.push(code.into(), bits.into());
+    }
+}
+
+/// Far below the greatest f32, near which ranges end; the reader refuses less (SPEC, section 7).
+const GREATEST: f32 = 1e30;
+
+fn spanning(values: impl Iterator<Item = f32>, bits: u8) -> Result<ShortRange, EncodeError> {
+    match extent(values) {
+        Some((low, high)) if low.abs().max(high.abs()) < GREATEST => {
+            Ok(ShortRange::spanning(low, high, last_code(bits)))
+        }
+        _ => refuse("a Gaussian has a number that is not finite"),
+    }
 }

@@ -2,11 +2,11 @@
 
 use crate::header::ScaleLaw;
 use crate::order;
-use crate::record::BlockRecord;
+use crate::record::{BlockRecord, DiscWidths};
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
 
-use super::discs::disc_planes;
+use super::discs::disc_bytes;
 use super::{EncodeError, bytes_of, narrow, refuse, section};
 
 /// Whether any Gaussian has parameters of its own at a later level.
@@ -55,13 +55,14 @@ pub(super) fn write_levels(
     index: u8,
     layer: u8,
     first: u32,
+    widths: DiscWidths,
 ) -> Result<(), EncodeError> {
     let start: u32 = region.layers.iter().take(layer.into()).sum();
     if !has_levels(region) || first == 0 || first != start {
         return Ok(());
     }
     for (_, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
-        let payload = level_payload(region, index, layer, first, count)?;
+        let payload = level_payload(region, index, layer, (first, count), widths)?;
         section(out, tag::LEVEL, &payload)?;
     }
     Ok(())
@@ -71,19 +72,16 @@ fn level_payload(
     region: &Region,
     index: u8,
     level: u8,
-    first: u32,
-    count: u32,
+    (first, count): (u32, u32),
+    widths: DiscWidths,
 ) -> Result<Vec<u8>, EncodeError> {
     let places = first as usize..(first + count) as usize;
-    let discs = &region.levels[usize::from(level) - 1][places.clone()];
-    let triangles = region.triangles.get(places).unwrap_or(&[]);
-    let (groups, records) = disc_planes(triangles, discs)?;
+    let discs = &region.levels[usize::from(level) - 1][places];
     let head = BlockRecord {
         region: index,
         layer: level,
-        groups: narrow::<u16>("groups", groups.len())?.into(),
+        count: narrow::<u16>("Gaussians of a block", count as usize)?.into(),
         first: first.into(),
-        count: count.into(),
     };
-    Ok([bytes_of(&[head]), bytes_of(&groups), bytes_of(&records)].concat())
+    Ok([bytes_of(&[head]), &disc_bytes(discs, widths)?].concat())
 }

@@ -1,6 +1,7 @@
 //! Vertices, triangles, skin and morph targets to bytes.
 
 use crate::header::Header;
+use crate::quant::Linear;
 use crate::record::{MorphRecord, Range, VertexRecord};
 use crate::section::tag;
 use crate::source::{Mesh, Morph};

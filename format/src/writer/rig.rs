@@ -1,5 +1,6 @@
 //! Joints, binds and clips to bytes.
 
+use crate::quant::Linear;
 use crate::record::{BindRecord, ChannelRecord, ClipRecord, JointRecord, Range};
 use crate::section::tag;
 use crate::source::{Channel, Clip, Rig};

@@ -1,11 +1,10 @@
 //! Avatars of every kind, and a walk over all that a reader offers.
 
-use dermis_format::record::GroupRecord;
 use dermis_format::rig::Property;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Importance, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
-use dermis_format::{Avatar, Block, Disc, FrameKind, Full, Levels, Records};
+use dermis_format::{Avatar, Block, Disc, DiscWidths, Discs, FrameKind, Full, Levels, Records};
 
 /// A number in 0..1 that depends on `seed` alone (SplitMix64).
 pub(crate) fn random(seed: u64) -> f32 {
@@ -151,7 +150,7 @@ pub(crate) fn regions() -> Source {
     source
 }
 
-/// Triangles too far apart for 16 bits from one base.
+/// Triangles far apart.
 pub(crate) fn wide() -> Source {
     Source {
         mesh: strip(70_000),
@@ -171,6 +170,21 @@ pub(crate) fn cloud() -> Source {
         mathematics: Mathematics { frame: FrameKind::World, ..Mathematics::default() },
         ..Source::default()
     }
+}
+
+/// Numbers of few bits, or none, other ones at each level.
+pub(crate) fn narrow() -> Source {
+    let mut source = levels();
+    source.widths = [[7, 7, 6, 6, 5, 7, 5, 4, 2], [1, 2, 3, 4, 5, 6, 7, 8, 0], [0; 9]]
+        .map(|[x, y, z, angle, scale, luma, orange, green, opacity]| DiscWidths {
+            position: [x, y, z],
+            angle,
+            scale,
+            color: [luma, orange, green],
+            opacity,
+        })
+        .to_vec();
+    source
 }
 
 /// Joints, binds, morph targets, clips and key frames.
@@ -229,6 +243,7 @@ pub(crate) fn all() -> Vec<(&'static str, Source)> {
         ("opacities", opacities()),
         ("regions", regions()),
         ("levels", levels()),
+        ("narrow", narrow()),
         ("many levels", many_levels()),
         ("wide", wide()),
         ("cloud", cloud()),
@@ -272,17 +287,11 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
         assert_eq!(block.opacities.len(), block.count as usize * block.later_levels);
         assert_eq!(block.harmonics.len(), block.count as usize * header.harmonics() * 3);
         assert!(block.below.is_none());
-        let mut place = 0;
-        for group in block.groups {
-            for _ in 0..=group.count_less_one {
-                if let Some(triangle) = block.triangles.get(place) {
-                    let triangle = group.base_triangle.get() + u32::from(triangle.get());
-                    assert!(triangle < header.triangles);
-                }
-                place += 1;
-            }
-        }
-        gaussians += walk_records(block.groups, &block.records);
+        let triangles: Vec<u32> = block.triangles.iter().collect();
+        let bound = if header.frame == FrameKind::World { 0 } else { block.count as usize };
+        assert_eq!(triangles.len(), bound);
+        assert!(triangles.is_sorted() && triangles.iter().all(|&t| t < header.triangles));
+        gaussians += walk_records(&block.records);
     }
     assert_eq!(gaussians, header.gaussians);
     // Between any two levels, in sense or not, there are as many.
@@ -300,42 +309,44 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
 
 /// Whether a block at a level has the Gaussians of the block.
 fn walk_at(at: &Block<'_>, block: &Block<'_>) -> bool {
-    let groups = |groups: &[GroupRecord]| -> Vec<_> {
-        groups.iter().map(|group| (group.count_less_one, group.base_triangle.get())).collect()
-    };
-    assert_eq!(walk_records(at.groups, &at.records), block.count);
+    assert_eq!(walk_records(&at.records), block.count);
     if let Some(below) = &at.below {
-        assert_eq!(walk_records(below.groups, &below.records), block.count);
-        assert_eq!(groups(below.groups), groups(block.groups));
+        assert_eq!(walk_discs(below), block.count);
     }
-    assert_eq!(groups(at.groups), groups(block.groups));
+    assert!(at.triangles.iter().eq(block.triangles.iter()));
     (at.region, at.layer, at.first, at.count)
         == (block.region, block.layer, block.first, block.count)
 }
 
 /// Decodes all Gaussians, and says how many.
-fn walk_records(groups: &[GroupRecord], records: &Records<'_>) -> u32 {
-    let mut place = 0;
-    for group in groups {
-        assert!(group.harmonics_step.get().is_finite());
-        for _ in 0..=group.count_less_one {
-            let numbers: Vec<f32> = match records {
-                Records::Disc(discs) => {
-                    let d = group.disc(&discs[place]);
-                    [&d.position[..], &[d.angle], &d.log2_scale, &d.color, &[d.opacity]].concat()
-                }
-                Records::Full(fulls) => {
-                    let f = group.full(&fulls[place]);
-                    let length2: f32 = f.rotation.iter().map(|x| x * x).sum();
-                    assert!((0.99..1.52).contains(&length2), "{:?}", f.rotation);
-                    [&f.position[..], &f.rotation, &f.log2_scale, &f.color, &[f.opacity]].concat()
-                }
-            };
-            assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?}");
-            place += 1;
-        }
+fn walk_records(records: &Records<'_>) -> u32 {
+    let Records::Full(fulls) = records else {
+        let Records::Disc(discs) = records else { return 0 };
+        return walk_discs(discs);
+    };
+    assert!(fulls.groups.iter().all(|group| group.harmonics_step.get().is_finite()));
+    for f in fulls.iter() {
+        let length2: f32 = f.rotation.iter().map(|x| x * x).sum();
+        assert!((0.99..1.52).contains(&length2), "{:?}", f.rotation);
+        let numbers =
+            [&f.position[..], &f.rotation, &f.log2_scale, &f.color, &[f.opacity]].concat();
+        assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?}");
     }
-    place as u32
+    assert!(fulls.get(fulls.records.len()).is_none() && fulls.get(usize::MAX).is_none());
+    fulls.iter().count() as u32
+}
+
+fn walk_discs(discs: &Discs<'_>) -> u32 {
+    for (index, d) in discs.iter().enumerate() {
+        let numbers = [&d.position[..], &[d.angle], &d.log2_scale, &d.color, &[d.opacity]].concat();
+        assert!(numbers.iter().all(|x| x.is_finite()), "{numbers:?}");
+        assert_eq!(d.opacity, discs.opacity(index));
+    }
+    for beyond in [discs.len(), discs.len() + 256, usize::MAX] {
+        assert!(discs.get(beyond).is_none());
+        let _ = (discs.words(beyond), discs.opacity(beyond));
+    }
+    discs.iter().count() as u32
 }
 
 fn walk_rig(avatar: &Avatar<'_>) {

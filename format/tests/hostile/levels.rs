@@ -1,25 +1,30 @@
 //! Parameters per level: they return, and whatever is out of its place is found.
 
-use dermis_format::record::GroupRecord;
+use dermis_format::record::DiscGroup;
 use dermis_format::section::{Section, head, preamble};
 use dermis_format::source::{Gaussians, Source};
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Disc, Error, Levels, PerLevel, Records, ScaleLaw};
+use dermis_format::{Avatar, Disc, Discs, Error, Levels, PerLevel, Records, ScaleLaw};
 
-use crate::avatars::{add_levels, full, harmonics, levels, many_levels, opacities};
+use crate::avatars::{add_levels, full, harmonics, levels, many_levels, narrow, opacities};
 use crate::{file, parse_and_walk};
 
 const LEVL: [u8; 4] = *b"LEVL";
 const BLCK: [u8; 4] = *b"BLCK";
 
-fn decoded(groups: &[GroupRecord], records: Records<'_>) -> Vec<(Disc, GroupRecord)> {
+fn discs(records: Records<'_>) -> Discs<'_> {
     let Records::Disc(discs) = records else { panic!("discs") };
-    let groups = groups.iter().flat_map(|group| vec![group; usize::from(group.count_less_one) + 1]);
-    discs.iter().zip(groups).map(|(disc, group)| (group.disc(disc), *group)).collect()
+    discs
+}
+
+/// A disc of a file, and the ranges that it is of.
+fn decoded(discs: Discs<'_>) -> Vec<(Disc, DiscGroup)> {
+    let of_each = (0..discs.len()).map(|index| discs.groups()[index / 256]);
+    discs.iter().zip(of_each).collect()
 }
 
 /// Within half a step of each range.
-fn assert_near(found: &[(Disc, GroupRecord)], expected: &[Disc]) {
+fn assert_near(found: &[(Disc, DiscGroup)], expected: &[Disc]) {
     assert_eq!(found.len(), expected.len());
     for ((found, group), expected) in found.iter().zip(expected) {
         let near = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.51 * step + 1e-6;
@@ -30,7 +35,7 @@ fn assert_near(found: &[(Disc, GroupRecord)], expected: &[Disc]) {
             assert!(near(found.log2_scale[i], expected.log2_scale[i], group.log2_scale.step.get()));
         }
         assert!(near(found.angle, expected.angle, core::f32::consts::PI / 256.0));
-        assert!(near(found.opacity, expected.opacity, 1.0 / 255.0));
+        assert!(near(found.opacity, expected.opacity, group.opacity.step.get()));
     }
 }
 
@@ -63,11 +68,9 @@ fn levels_return() {
                     let blocks = avatar.blocks_at(|_| levels);
                     for block in blocks.filter(|block| usize::from(block.region) == index) {
                         if usize::from(block.layer) <= upper {
-                            at.extend(decoded(block.groups, block.records));
+                            at.extend(decoded(discs(block.records)));
                         }
-                        below.extend(
-                            block.below.map(|b| decoded(b.groups, b.records)).into_iter().flatten(),
-                        );
+                        below.extend(block.below.into_iter().flat_map(decoded));
                     }
                     assert_near(&at, &expected(&source, index, upper));
                     let lower = lower.map_or(Vec::new(), |lower| expected(&source, index, lower));
@@ -140,7 +143,7 @@ fn joined(header: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
 
 #[test]
 fn levels_out_of_their_place_are_errors() {
-    for source in [levels(), many_levels()] {
+    for source in [levels(), many_levels(), narrow()] {
         let (header, sections) = parts(&encode(&source).unwrap());
         assert!(parse_and_walk(&joined(&header, &sections)));
         let is_error = |sections: &[([u8; 4], Vec<u8>)], what: &str, index: usize| {
@@ -169,12 +172,12 @@ fn levels_out_of_their_place_are_errors() {
             changed.swap(index, index + 1);
             changed.swap(index, index - 1);
             is_error(&changed, "one earlier", index);
-            // Region, level, groups, first rank, count; then the first group's count and base triangle, a range.
-            for byte in [0, 1, 2, 4, 8, 12, 13, 12 + 8, 12 + 32] {
+            // Region, level, count, first rank; a width; the offsets and steps of ranges.
+            for byte in [0, 1, 2, 3, 4, 7, 8, 12, 16, 17, 18, 20] {
                 for by in [1, 255, 128, 64] {
                     let mut changed = sections.clone();
                     changed[index].1[byte] = changed[index].1[byte].wrapping_add(by);
-                    let harmless = byte > 13 && Avatar::parse(&joined(&header, &changed)).is_ok();
+                    let harmless = byte >= 8 && Avatar::parse(&joined(&header, &changed)).is_ok();
                     if harmless {
                         assert!(parse_and_walk(&joined(&header, &changed)));
                     } else {
@@ -182,21 +185,13 @@ fn levels_out_of_their_place_are_errors() {
                     }
                 }
             }
-            // A group cut in two, and a record too few.
+            // A byte too few, and too many.
             let mut changed = sections.clone();
             let len = sections[index].1.len();
-            changed[index].1.truncate(len - 10);
+            changed[index].1.truncate(len - 1);
             is_error(&changed, "short", index);
-            let payload = &sections[index].1;
-            if payload[2] == 1 && payload[12] > 0 {
-                let mut changed = sections.clone();
-                let mut halves = [payload[12..77].to_vec(), payload[12..77].to_vec()];
-                halves[0][0] = 0;
-                halves[1][0] = payload[12] - 1;
-                changed[index].1 = [&payload[..12], &halves.concat(), &payload[77..]].concat();
-                changed[index].1[2] = 2;
-                is_error(&changed, "in other groups", index);
-            }
+            changed[index].1.extend([0; 2]);
+            is_error(&changed, "long", index);
         }
         // Unknown sections may stand between them.
         let mut changed = sections.clone();

@@ -31,7 +31,7 @@ fn fix_crcs(bytes: &mut [u8]) {
 
 /// A preamble and a header in front of `sections`, with right CRCs.
 fn file(header: &[u8], sections: &[([u8; 4], &[u8])]) -> Vec<u8> {
-    let mut bytes = b"DERMIS\r\n\x01\0".to_vec();
+    let mut bytes = b"DERMIS\r\n\x02\0".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend([0; 4]);
     bytes.extend(header);
@@ -264,8 +264,11 @@ fn unknown_versions_are_refused_and_unknown_sections_skipped() {
     bytes.pop();
     bytes.push(b'!');
     assert_eq!(Avatar::parse(&bytes).unwrap_err(), Error::Damaged { place: "unknown section" });
-    bytes[8] = 2;
-    assert_eq!(Avatar::parse(&bytes).unwrap_err(), Error::Version { found: 2 });
+    for found in [0, 1, 3] {
+        bytes[8] = found;
+        let error = Avatar::parse(&bytes).unwrap_err();
+        assert_eq!(error, Error::Version { found: found.into() });
+    }
     bytes[0] = b'd';
     assert!(matches!(Avatar::parse(&bytes), Err(Error::Malformed { place: "preamble", .. })));
 }
@@ -328,7 +331,7 @@ proptest! {
     #[test]
     fn soup_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         parse_and_walk(&bytes);
-        let mut led = b"DERMIS\r\n\x01\0".to_vec();
+        let mut led = b"DERMIS\r\n\x02\0".to_vec();
         led.extend(&bytes);
         parse_and_walk(&led);
         fix_crcs(&mut led);
@@ -398,7 +401,8 @@ fn all_small(kind: usize) -> dermis_format::source::Source {
         2 => avatars::regions(),
         3 => avatars::cloud(),
         4 => avatars::discs(),
-        5 | 6 => avatars::levels(),
+        5 => avatars::levels(),
+        6 => avatars::narrow(),
         _ => avatars::rigged(),
     }
 }

@@ -96,7 +96,7 @@ fn line_is_within_its_bound() {
     assert!(worst.0 <= 1.0, "{worst:?}");
     // What a disc can hold.
     for code in 0..256u16 {
-        let angle = f32::from(code) * dermis_format::quant::ANGLE_STEP;
+        let angle = f32::from(code) * dermis_format::quant::angle_step(8);
         assert!(error_of_line(angle) <= 3e-7 + 2e-8 * f64::from(angle), "code {code}");
     }
 }

@@ -1,18 +1,21 @@
 //! What is done many at once equals what is done one by one, which is the specification.
 
-use dermis_format::quant::ANGLE_STEP;
-use dermis_format::record::{DiscRecord, FullRecord, GroupRecord, Range};
+use dermis_format::record::{Bf16, DiscGroup, FullGroup, FullRecord, Range, ShortRange};
 use dermis_format::source::{Gaussians, Mathematics, Region, Source};
-use dermis_format::{Below, Block, Disc, FrameKind, Full, LowPass, PerLevel, Records, ScaleLaw};
+use dermis_format::writer::packed;
+use dermis_format::{
+    Block, Disc, DiscWidths, Discs, FrameKind, Full, Fulls, LowPass, PerLevel, Records, ScaleLaw,
+    Triangles,
+};
 use dermis_runtime::batch::BATCH;
-use dermis_runtime::coded::{Coded, Record};
+use dermis_runtime::coded::{Coded, Coding};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::kernel::Work;
 use dermis_runtime::lanes::Lanes;
 use dermis_runtime::mix::mixed;
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::screen::SplatCamera;
-use dermis_runtime::select::{self, Place, for_each_block, for_each_of_block};
+use dermis_runtime::select::{Place, for_each_block, for_each_of_block};
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 use proptest::prelude::*;
 
@@ -234,70 +237,66 @@ fn clouds_are_seen_in_part() {
 }
 
 /// Ranges of any size and sign.
-fn group(numbers: &mut Numbers) -> GroupRecord {
+fn disc_group(numbers: &mut Numbers) -> DiscGroup {
+    let mut range = |offset: f32, step: f32| ShortRange {
+        offset: Bf16::at_most(offset * numbers.signed()),
+        step: Bf16::at_most(step * numbers.signed().abs()),
+    };
+    DiscGroup {
+        position: [range(1.0, 0.01), range(100.0, 3.0), range(1e-3, 1e-7)],
+        log2_scale: range(8.0, 0.05),
+        color: [range(0.5, 0.005), range(0.5, 0.005), range(0.5, 0.005)],
+        opacity: range(0.5, 0.005),
+    }
+}
+
+fn full_group(numbers: &mut Numbers) -> FullGroup {
     let mut range = |offset: f32, step: f32| Range {
         offset: (offset * numbers.signed()).into(),
         step: (step * numbers.signed().abs()).into(),
     };
-    GroupRecord {
-        count_less_one: 255,
+    FullGroup {
         position: [range(1.0, 0.01), range(100.0, 3.0), range(1e-3, 1e-7)],
         log2_scale: range(8.0, 0.05),
         color: [range(0.5, 0.005), range(0.5, 0.005), range(0.5, 0.005)],
-        ..GroupRecord::default()
+        ..FullGroup::default()
     }
 }
 
-/// Gathers and decodes records, at most 64, as the runtime does for a frame: the numbers of each that
-/// `columns` names.
-fn decoded<R: Record, const N: usize>(
-    kernel: Kernel,
-    records: Records<'_>,
-    group: &GroupRecord,
-    [first, len]: [usize; 2],
-    columns: impl Columns<R, N>,
-) -> Vec<[f32; N]> {
-    decoded_between(kernel, records, group, None, [first, len], columns)
-}
-
-/// The same on their way to other records.
-fn decoded_between<R: Record, const N: usize>(
-    kernel: Kernel,
-    records: Records<'_>,
-    group: &GroupRecord,
-    lower: Option<(Records<'_>, select::Below<'_>)>,
-    [first, len]: [usize; 2],
-    columns: impl Columns<R, N>,
-) -> Vec<[f32; N]> {
+/// A block without triangles.
+fn block_of<'a>(records: Records<'a>, below: Option<Discs<'a>>) -> Block<'a> {
     let count = match records {
         Records::Disc(discs) => discs.len(),
-        Records::Full(fulls) => fulls.len(),
+        Records::Full(fulls) => fulls.records.len(),
     };
-    let block = Block {
+    Block {
         region: 0,
         layer: 0,
         first: 0,
         count: count as u32,
-        groups: &[],
-        triangles: &[],
+        triangles: Triangles::default(),
         records,
         opacities: &[],
         later_levels: 0,
         harmonics: &[],
-        below: lower.map(|(records, _)| Below { groups: &[], records }),
-    };
-    let mut coded = Coded::<R>::new();
+        below,
+    }
+}
+
+/// Gathers and decodes a block's Gaussians, at most 64, as the runtime does for a frame, `share` of the way to the level
+/// below: the numbers of each that `columns` names.
+fn decoded<'a, R: Coding<'a>, const N: usize>(
+    kernel: Kernel,
+    block: &Block<'a>,
+    records: R,
+    share: f32,
+    [first, len]: [usize; 2],
+    columns: impl Columns<'a, R, N>,
+) -> Vec<[f32; N]> {
+    let mut coded = Coded::new(block, records);
     for index in first..first + len {
         let opacity = index as f32;
-        let place = Place {
-            block: &block,
-            group,
-            index,
-            triangle: None,
-            opacity,
-            log2_factor: 0.75,
-            below: lower.map(|(_, below)| below),
-        };
+        let place = Place { block, index, triangle: None, opacity, log2_factor: 0.75, share };
         assert!(coded.takes(&place));
         coded.push(&place, None);
     }
@@ -312,13 +311,13 @@ struct DecodeTo<'c, 'a, R, C, const N: usize> {
 }
 
 /// Names numbers of decoded Gaussians.
-trait Columns<R: Record, const N: usize> {
+trait Columns<'a, R: Coding<'a>, const N: usize> {
     fn of<V: Lanes>(&self, decoded: R::Decoded<V>) -> [V; N];
 }
 
 struct DiscColumns;
 
-impl Columns<DiscRecord, 10> for DiscColumns {
+impl<'a> Columns<'a, Discs<'a>, 10> for DiscColumns {
     fn of<V: Lanes>(&self, disc: Disc<V>) -> [V; 10] {
         let ([x, y, z], [s, t], [r, g, b]) = (disc.position, disc.log2_scale, disc.color);
         [x, y, z, disc.angle, s, t, r, g, b, disc.opacity]
@@ -327,7 +326,7 @@ impl Columns<DiscRecord, 10> for DiscColumns {
 
 struct FullColumns;
 
-impl Columns<FullRecord, 14> for FullColumns {
+impl<'a> Columns<'a, Fulls<'a>, 14> for FullColumns {
     fn of<V: Lanes>(&self, full: Full<V>) -> [V; 14] {
         let ([x, y, z], [s, t, u], [r, g, b]) = (full.position, full.log2_scale, full.color);
         let [w, i, j, k] = full.rotation;
@@ -335,7 +334,7 @@ impl Columns<FullRecord, 14> for FullColumns {
     }
 }
 
-impl<R: Record, const N: usize, C: Columns<R, N>> Work for DecodeTo<'_, '_, R, C, N> {
+impl<'a, R: Coding<'a>, const N: usize, C: Columns<'a, R, N>> Work for DecodeTo<'_, 'a, R, C, N> {
     type Output = Vec<[f32; N]>;
 
     fn run<V: Lanes>(self, token: V::Token) -> Vec<[f32; N]> {
@@ -353,33 +352,54 @@ impl<R: Record, const N: usize, C: Columns<R, N>> Work for DecodeTo<'_, '_, R, C
     }
 }
 
-/// Every code of angle, scales, position and colour, in full batches and in short ones.
+/// Widths of 8 bits, of what a trainer chooses, of all kinds, and of none.
+const WIDTHS: [[u8; 9]; 4] =
+    [[8; 9], [7, 7, 6, 6, 5, 7, 5, 4, 2], [1, 2, 3, 4, 5, 6, 7, 8, 0], [0; 9]];
+
+fn widths([x, y, z, angle, scale, luma, orange, green, opacity]: [u8; 9]) -> DiscWidths {
+    let (position, color) = ([x, y, z], [luma, orange, green]);
+    DiscWidths { position, angle, scale, color, opacity }
+}
+
+/// 256 records of any codes, and angles of all codes, each the next by `step`.
+fn records(numbers: &mut Numbers, widths: DiscWidths, step: u16) -> Vec<u8> {
+    let codes: Vec<Disc<u16>> = (0..256)
+        .map(|i| {
+            let words = [(); 3].map(|()| numbers.word().to_le_bytes().map(u16::from));
+            let [[x, y, z, s], [t, luma, orange, green], [opacity, ..]] = words;
+            Disc {
+                position: [x, y, z],
+                angle: i * step,
+                log2_scale: [s, t],
+                color: [luma, orange, green],
+                opacity,
+            }
+        })
+        .collect();
+    packed(&codes, widths)
+}
+
+/// Every code of the angle, in full batches and in short ones.
 #[test]
 fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
     let numbers = &mut Numbers(1);
-    for round in 0..8u8 {
-        let group = group(numbers);
-        let code = |code: u8, by: u8| code.wrapping_mul(by).wrapping_add(round * by);
-        let records: Vec<DiscRecord> = (0..=255u8)
-            .map(|i| DiscRecord {
-                position: [code(i, 1), code(i, 3), code(i, 5)],
-                angle: i,
-                scale: [code(i, 7), code(i, 9)],
-                color: [code(i, 11), code(i, 13), code(i, 15)],
-                opacity: i,
-            })
-            .collect();
+    for (round, widths) in WIDTHS.map(widths).into_iter().cycle().take(8).enumerate() {
+        let groups = [disc_group(numbers)];
+        let records = records(numbers, widths, 1);
+        let discs = Discs::new(widths, &groups, &records, 256).expect("the planes fit");
+        let block = block_of(Records::Disc(discs), None);
         for kernel in kernels() {
             let mut first = 0;
             while first < 256 {
-                let len = (256 - first).min(BATCH - usize::from(round));
-                let found =
-                    decoded(kernel, Records::Disc(&records), &group, [first, len], DiscColumns);
+                let len = (256 - first).min(BATCH - round);
+                let found = decoded(kernel, &block, discs, 0.0, [first, len], DiscColumns);
                 for (found, index) in found.into_iter().zip(first..) {
-                    let disc = group.disc(&records[index]);
-                    assert_eq!(disc.angle.to_bits(), (index as f32 * ANGLE_STEP).to_bits());
+                    let disc = discs.get(index).expect("it is one of 256");
+                    let code = index as u32 & ((1 << widths.angle) - 1);
+                    let step = core::f32::consts::PI / (1u32 << widths.angle) as f32;
+                    assert_eq!(disc.angle.to_bits(), (code as f32 * step).to_bits());
                     let disc = Disc { opacity: index as f32, ..disc };
-                    let expected = Columns::<DiscRecord, 10>::of::<f32>(&DiscColumns, disc);
+                    let expected = Columns::<Discs<'_>, 10>::of::<f32>(&DiscColumns, disc);
                     let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
                     assert_eq!(found, expected, "{index} by {}: {disc:?}", kernel.name());
                 }
@@ -393,44 +413,28 @@ fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
 #[test]
 fn discs_between_levels_are_mixed_alike_one_by_one_and_in_lanes() {
     let numbers = &mut Numbers(2);
-    for share in [0.0, 1e-7, 0.25, 0.3, 0.75, 0.999_999_9, 1.0] {
-        let groups = [group(numbers), group(numbers)];
-        let [upper, lower] = [0, 1].map(|salt| -> Vec<DiscRecord> {
-            let mut record = |i: u8| {
-                let words = [numbers.word(), numbers.word()].map(u32::to_le_bytes);
-                let [[a, b, c, d], [e, f, g, h]] = words;
-                let angle = if salt == 0 { i } else { i.wrapping_mul(3) };
-                DiscRecord {
-                    position: [a, b, c],
-                    angle,
-                    scale: [d, e],
-                    color: [f, g, h],
-                    opacity: i,
-                }
-            };
-            (0..=255).map(&mut record).collect()
-        });
-        let below = select::Below { group: &groups[1], share };
+    for (share, other) in
+        [0.0, 1e-7, 0.25, 0.3, 0.75, 0.999_999_9, 1.0].into_iter().zip(WIDTHS.iter().cycle())
+    {
+        let widths = [widths([8; 9]), widths(*other)];
+        let groups = [[disc_group(numbers)], [disc_group(numbers)]];
+        let records = [records(numbers, widths[0], 1), records(numbers, widths[1], 3)];
+        let [upper, lower] = [0, 1]
+            .map(|i| Discs::new(widths[i], &groups[i], &records[i], 256).expect("the planes fit"));
+        let block = block_of(Records::Disc(upper), Some(lower));
         for kernel in kernels() {
             for first in (0..256).step_by(BATCH) {
-                let found = decoded_between(
-                    kernel,
-                    Records::Disc(&upper),
-                    &groups[0],
-                    Some((Records::Disc(&lower), below)),
-                    [first, BATCH],
-                    DiscColumns,
-                );
+                let found = decoded(kernel, &block, upper, share, [first, BATCH], DiscColumns);
                 for (found, index) in found.into_iter().zip(first..) {
                     let [upper, lower] =
-                        [groups[0].disc(&upper[index]), groups[1].disc(&lower[index])];
+                        [upper, lower].map(|discs| discs.get(index).expect("it is one of 256"));
                     let disc = mixed(&upper, &lower, share);
                     // The short way: no more than a quarter turn, and to the same line.
                     assert!((disc.angle - upper.angle).abs() <= 1.571, "{upper:?} {lower:?}");
                     let rest = (disc.angle - lower.angle) / core::f32::consts::PI;
                     assert!(share < 1.0 || (rest - rest.round()).abs() < 1e-6, "{disc:?}");
                     let disc = Disc { opacity: index as f32, ..disc };
-                    let expected = Columns::<DiscRecord, 10>::of::<f32>(&DiscColumns, disc);
+                    let expected = Columns::<Discs<'_>, 10>::of::<f32>(&DiscColumns, disc);
                     let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
                     assert_eq!(found, expected, "{index} by {}: {disc:?}", kernel.name());
                 }
@@ -444,7 +448,7 @@ fn discs_between_levels_are_mixed_alike_one_by_one_and_in_lanes() {
 #[test]
 fn full_records_are_decoded_alike_one_by_one_and_in_lanes() {
     let numbers = &mut Numbers(2);
-    let group = group(numbers);
+    let groups = [full_group(numbers); 256];
     let mut too_long = 0;
     let records: Vec<FullRecord> = (0..=u16::MAX)
         .map(|i| {
@@ -465,13 +469,14 @@ fn full_records_are_decoded_alike_one_by_one_and_in_lanes() {
         })
         .collect();
     assert!(too_long > 1000, "{too_long} codes that no encoder makes");
+    let fulls = Fulls { groups: &groups, records: &records };
+    let block = block_of(Records::Full(fulls), None);
     for kernel in kernels() {
         for first in (0..records.len()).step_by(BATCH) {
-            let found =
-                decoded(kernel, Records::Full(&records), &group, [first, BATCH], FullColumns);
+            let found = decoded(kernel, &block, fulls, 0.0, [first, BATCH], FullColumns);
             for (found, index) in found.into_iter().zip(first..) {
-                let full = Full { opacity: index as f32, ..group.full(&records[index]) };
-                let expected = Columns::<FullRecord, 14>::of::<f32>(&FullColumns, full);
+                let full = Full { opacity: index as f32, ..fulls.get(index).expect("it is one") };
+                let expected = Columns::<Fulls<'_>, 14>::of::<f32>(&FullColumns, full);
                 let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
                 assert_eq!(found, expected, "{index} by {}: {full:?}", kernel.name());
             }

@@ -41,9 +41,7 @@ fn at_level(avatar: &Avatar<'_>, level: u8) -> Vec<(u8, Disc)> {
     for block in avatar.blocks_at(|_| Levels { upper: level, lower: None }) {
         let Records::Disc(records) = block.records else { panic!("discs") };
         if block.layer <= level {
-            let groups = block.groups.iter();
-            let groups = groups.flat_map(|g| vec![g; usize::from(g.count_less_one) + 1]);
-            discs.extend(groups.zip(records).map(|(g, record)| (block.layer, g.disc(record))));
+            discs.extend(records.iter().map(|disc| (block.layer, disc)));
         }
     }
     discs

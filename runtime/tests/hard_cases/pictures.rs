@@ -47,7 +47,7 @@ fn two_discs_turned_and_stacked() {
          |                |\n\
          |                |\n\
          |                |\n\
-         |      :.        |\n\
+         |      ::        |\n\
          |     =+.        |\n\
          |   .*%:         |\n\
          |   +@-          |\n\
@@ -68,7 +68,7 @@ fn check_against_formula(disc: Disc, low_pass: LowPass) {
     let avatar = Avatar::parse(&bytes).unwrap();
     let block = avatar.blocks().next().unwrap();
     let dermis_format::Records::Disc(records) = block.records else { panic!("discs") };
-    let disc = block.groups[0].disc(&records[0]);
+    let disc = records.get(0).expect("it holds one");
     let camera = camera(32, 32, 24.0, 1.0);
     let plan = Plan::with_budget(&avatar, 1);
     let tiles = tiles(&avatar, &Pose::Vertices(&UNIT), &plan, &camera);

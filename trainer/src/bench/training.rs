@@ -143,14 +143,10 @@ fn cloud_of(avatar: &Avatar<'_>) -> Result<Cloud> {
     let levels = |region: u8| plan.regions().get(usize::from(region)).map(|plan| plan.levels);
     for block in avatar.blocks_at(|region| levels(region).unwrap_or_default()) {
         let Records::Disc(discs) = block.records else { break };
-        let mut places = discs.iter().zip(block.triangles);
-        for group in block.groups {
-            for (disc, triangle) in places.by_ref().take(usize::from(group.count_less_one) + 1) {
-                let parameters = Parameters::of_disc(&group.disc(disc));
-                let triangle = group.base_triangle.get() + u32::from(triangle.get());
-                seeds.push(Seed { triangle, parameters, freedom: Freedom::Free });
-            }
-        }
+        seeds.extend(discs.iter().zip(block.triangles.iter()).map(|(disc, triangle)| {
+            let parameters = Parameters::of_disc(&disc);
+            Seed { triangle, parameters, freedom: Freedom::Free }
+        }));
     }
     ensure!(
         !seeds.is_empty(),

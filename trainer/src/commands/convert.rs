@@ -5,16 +5,18 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use dermis_runtime::Avatar;
-use dermis_trainer::convert::{self, Kind, LeftOut};
+use dermis_trainer::convert::{self, Kind, LeftOut, Taken};
 use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
 
+use super::options::Turning;
 use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, or the levels of LapisGS from coarse to fine.
+    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, PlayCanvas' compressed PLY, SPZ or .splat, or the
+    /// levels of LapisGS (PLY) from coarse to fine.
     #[arg(required = true, value_name = "IN")]
     inputs: Vec<PathBuf>,
     /// The avatar to write.
@@ -26,6 +28,11 @@ pub(crate) struct Arguments {
     /// What the file is taken for [default: what its content says].
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
+    /// Greatest degree of harmonics to keep [default: all, up to 3].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
+    sh_degree: Option<u8>,
+    #[command(flatten)]
+    turning: Turning,
 }
 
 /// What `--json` prints.
@@ -33,6 +40,9 @@ pub(crate) struct Arguments {
 struct Report {
     seconds: f64,
     left_out: Missing,
+    /// Degree of the harmonics in the file that was read, where they were cut.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sh_degree_cut_from: Option<u8>,
     #[serde(flatten)]
     info: Info,
 }
@@ -47,9 +57,15 @@ struct Missing {
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let output = output::Output::create(&arguments.output)?;
-    let Arguments { inputs, mesh, from, .. } = arguments;
-    let (assembly, left_out) = convert::assemble(inputs, mesh.as_deref(), *from)?;
+    let Arguments { inputs, mesh, from, sh_degree, turning, .. } = arguments;
+    let taken = Taken { kind: *from, mesh: mesh.as_deref(), half_turn: turning.half_turn };
+    let (mut assembly, left_out) = convert::assemble(inputs, &taken)?;
     let LeftOut { faint, wild } = left_out;
+    let splats = &mut assembly.splats;
+    if let Some(degree) = sh_degree {
+        splats.cut_degree(*degree);
+    }
+    let (degree, cut_from) = (splats.degree, splats.cut_from);
     let name = inputs.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
     let bytes = convert::pack(assembly).with_context(|| name.clone())?;
     output.finish(&bytes)?;
@@ -60,8 +76,12 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             faint + wild
         );
     }
+    if let Some(from) = cut_from {
+        eprintln!("{name}: cut harmonics of degree {from} to {degree}");
+    }
     let info = Info::of(&Avatar::parse(&bytes)?);
     let seconds = start.elapsed().as_secs_f64();
-    let report = Report { seconds, left_out: Missing { faint, wild }, info };
+    let left_out = Missing { faint, wild };
+    let report = Report { seconds, left_out, sh_degree_cut_from: cut_from, info };
     super::print(common, &report, |report| super::info::text(&report.info))
 }

@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result};
 use dermis_runtime::prepare::MAX_SIZE;
-use dermis_runtime::{Avatar, Pose};
+use dermis_runtime::{Avatar, Plan, Pose};
 
 /// Width and height, px.
 #[derive(Clone, Copy, Debug)]
@@ -44,4 +44,34 @@ impl Posing {
         })?;
         Ok(Pose::Clip { clip, seconds: self.time })
     }
+}
+
+/// How many Gaussians are drawn.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Detail {
+    /// At most this many Gaussians [default: all].
+    #[arg(long, value_name = "N", conflicts_with = "level")]
+    budget: Option<u32>,
+    /// Level of detail, may lie between two.
+    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
+    level: Option<f32>,
+}
+
+impl Detail {
+    /// The plan.
+    pub(crate) fn plan(&self, avatar: &Avatar<'_>) -> Plan {
+        match (self.budget, self.level) {
+            (Some(budget), _) => Plan::with_budget(avatar, budget),
+            (None, Some(level)) => Plan::at_level(avatar, level),
+            (None, None) => Plan::with_budget(avatar, u32::MAX),
+        }
+    }
+}
+
+/// Which way is up.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(crate) struct Turning {
+    /// Turn all Gaussians half around x: from y down, z forward to y up, z back, and the other way [default: axes stay].
+    #[arg(long)]
+    pub(crate) half_turn: bool,
 }

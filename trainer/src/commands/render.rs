@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use dermis_runtime::{Avatar, Plan, Pose};
+use dermis_runtime::{Avatar, Pose};
 use dermis_trainer::camera_file::{self, Shot};
 use dermis_trainer::draw::{Milliseconds, draw_timed};
 use dermis_trainer::eval::reference::draw_reference;
@@ -11,7 +11,7 @@ use dermis_trainer::orbit::Orbit;
 use dermis_trainer::output;
 use serde::Serialize;
 
-use super::options::{Posing, Size};
+use super::options::{Detail, Posing, Size};
 use crate::Common;
 
 #[derive(clap::Args)]
@@ -38,12 +38,8 @@ pub(crate) struct Arguments {
     size: Size,
     #[command(flatten)]
     posing: Posing,
-    /// At most this many Gaussians [default: all].
-    #[arg(long, value_name = "N", conflicts_with = "level")]
-    budget: Option<u32>,
-    /// Level of detail, may lie between two.
-    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
-    level: Option<f32>,
+    #[command(flatten)]
+    detail: Detail,
     /// Which arithmetic draws.
     #[arg(long, value_enum, default_value_t = Kernel::Simd)]
     kernel: Kernel,
@@ -90,11 +86,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 fn picture(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<(Report, Vec<u8>)> {
     let pose = arguments.posing.pose(avatar)?;
     let shot = shot(avatar, &pose, arguments)?;
-    let plan = || match (arguments.budget, arguments.level) {
-        (Some(budget), _) => Plan::with_budget(avatar, budget),
-        (None, Some(level)) => Plan::at_level(avatar, level),
-        (None, None) => Plan::with_budget(avatar, u32::MAX),
-    };
+    let plan = || arguments.detail.plan(avatar);
     let kernel = match arguments.kernel {
         Kernel::Scalar => dermis_runtime::Kernel::Scalar,
         Kernel::Simd | Kernel::Reference => dermis_runtime::Kernel::detect(),

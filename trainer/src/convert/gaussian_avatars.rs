@@ -13,12 +13,12 @@ use dermis_format::FrameKind;
 
 use super::assembly::{Assembly, Carrier, Mount};
 use super::splat_ply::BINDING;
-use super::splats::{LeftOut, Splats};
+use super::splats::LeftOut;
 
 /// Reads a PLY whose Gaussians hang on `carrier`.
 pub(super) fn read(path: &Path, carrier: Carrier) -> Result<(Assembly, LeftOut)> {
     let ply = super::open(path)?.with(BINDING)?;
-    let mut splats = Splats { degree: ply.degree, ..Splats::default() };
+    let mut splats = ply.splats();
     let (mut left_out, mut triangles) = (LeftOut::default(), Vec::new());
     let count = carrier.triangles();
     ply.for_each(|row, splat, more| {

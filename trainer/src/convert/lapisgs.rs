@@ -23,6 +23,7 @@ struct Row {
 #[derive(Default)]
 struct Series {
     degree: u8,
+    compensated: bool,
     rows: Vec<Row>,
     /// Rows of each file.
     counts: Vec<usize>,
@@ -58,7 +59,11 @@ impl Series {
             ply.degree,
             self.degree
         );
-        self.degree = ply.degree;
+        ensure!(
+            known == 0 || ply.compensated == self.compensated,
+            "has another low-pass (SplatRenderMode) than the file before it; {remedy}"
+        );
+        (self.degree, self.compensated) = (ply.degree, ply.compensated);
         ply.for_each(|number, splat, _| {
             if let Some(row) = self.rows.get_mut(number).filter(|_| number < known) {
                 ensure!(
@@ -78,7 +83,8 @@ impl Series {
 
     /// Leaves out what is seen at no level.
     fn assemble(self, paths: &[PathBuf]) -> Result<(Assembly, LeftOut)> {
-        let mut splats = Splats { degree: self.degree, ..Splats::default() };
+        let Self { degree, compensated, .. } = self;
+        let mut splats = Splats { degree, compensated, ..Splats::default() };
         let (mut levels, mut left_out) = (Levels::default(), LeftOut::default());
         let mut rows = self.rows.iter();
         let mut start = 0;

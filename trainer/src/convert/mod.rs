@@ -1,14 +1,16 @@
 //! Converters: from Gaussians that another program trained to an avatar.
 //!
-//! 1. [`read`] opens a file of Gaussians that stand free; `ply` reads tables of numbers, and
-//!    `splat_ply` knows what 3D Gaussian Splatting calls them. [`splats`] holds them, and leaves out
-//!    those that can never be seen.
-//! 2. [`assemble`] tells kinds apart by content, and adds what a kind has besides: `gaussian_avatars`
-//!    and `splatting_avatar` say which triangle carries a Gaussian, `lapisgs` joins a series of files
-//!    to levels, and `bind` hangs free Gaussians on a mesh: `nearest` finds the triangle, `local` turns
-//!    them into its frame. [`assembly`] is what comes of it.
+//! 1. [`read`] opens a file of Gaussians that stand free and picks a reader by content (`detect`); `ply`
+//!    reads tables of numbers, and `splat_ply` knows what 3D Gaussian Splatting calls them,
+//!    `compressed_ply` what PlayCanvas packs into them; `splat` and `spz` (codes in `spz_codes`) have
+//!    files of their own. [`splats`] holds Gaussians, and leaves out those that can never be seen.
+//! 2. [`assemble`] tells kinds that do not stand free apart by content, and adds what a kind has besides:
+//!    `gaussian_avatars` and `splatting_avatar` say which triangle carries a Gaussian, `lapisgs` joins a
+//!    series of files to levels, and `bind` hangs free Gaussians on a mesh: `nearest` finds the triangle,
+//!    `local` turns them into its frame. [`assembly`] is what comes of it.
 //! 3. `nested` puts them in an order whose every prefix is a picture.
-//! 4. [`pack`] encodes them: full records, classic low-pass; frame World where they stand free.
+//! 4. [`pack`] encodes them: full records, the low-pass that they were trained for; frame World where
+//!    they stand free.
 //!
 //! Harmonics are kept as they are. The format looks them up by the direction in world axes, so they
 //! do not turn with what carries a Gaussian: a highlight stays on the side of the room where it was
@@ -19,15 +21,20 @@
 
 pub mod assembly;
 mod bind;
+mod compressed_ply;
+mod detect;
 mod gaussian_avatars;
 mod lapisgs;
 mod local;
 mod nearest;
 mod nested;
 mod ply;
-mod splat_ply;
+mod splat;
+pub(crate) mod splat_ply;
 pub mod splats;
 mod splatting_avatar;
+pub(crate) mod spz;
+pub(crate) mod spz_codes;
 
 use std::fs::File;
 use std::io::BufReader;
@@ -51,6 +58,12 @@ pub use splats::{LeftOut, Splats};
 pub enum Kind {
     /// PLY of 3D Gaussian Splatting.
     Ply,
+    /// 32 bytes a Gaussian, without a header.
+    Splat,
+    /// SPZ, versions 2 to 4.
+    Spz,
+    /// PlayCanvas' compressed PLY.
+    CompressedPly,
     /// PLY of GaussianAvatars, on the mesh given with --mesh.
     GaussianAvatars,
     /// PLY of SplattingAvatar, with embedding.json beside it.
@@ -64,32 +77,42 @@ pub enum Kind {
 const NEEDS_MESH: &str = "its Gaussians hang on a mesh (binding_0); give it with --mesh, or take them \
                           as they stand with --from ply";
 
+/// How files are taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Taken<'a> {
+    /// What the files are taken for; without it their content decides.
+    pub kind: Option<Kind>,
+    /// A mesh (GLB, glTF or OBJ) that carries them: by the triangles that the file names, else by the
+    /// nearest ones in its rest pose. A SplattingAvatar has a mesh of its own; one that is given has the
+    /// same triangles, and moves them in its stead.
+    pub mesh: Option<&'a Path>,
+    /// Whether free Gaussians are [turned](Splats::half_turn), before a mesh gets them; the mesh stays.
+    pub half_turn: bool,
+}
+
 /// Reads what another program trained: one file, or the levels of a series from coarse to fine.
-///
-/// `mesh` (GLB, glTF or OBJ) carries the Gaussians: by the triangles that the file names, else by the
-/// nearest ones in its rest pose. A SplattingAvatar has a mesh of its own; one that is given has the
-/// same triangles, and moves them in its stead.
 ///
 /// # Errors
 ///
 /// Where a file is missing, malformed, of another kind, holds no Gaussian that can be drawn, or does
 /// not fit the others. Print the error with `{:#}` for one line that begins with a file's name.
-pub fn assemble(
-    inputs: &[PathBuf],
-    mesh: Option<&Path>,
-    kind: Option<Kind>,
-) -> Result<(Assembly, LeftOut)> {
+pub fn assemble(inputs: &[PathBuf], taken: &Taken<'_>) -> Result<(Assembly, LeftOut)> {
     let first = inputs.first().context("there is no file; give at least one")?;
     let name = || first.display().to_string();
-    let kind = kind.or_else(|| guess(inputs));
+    let kind = taken.kind.or_else(|| guess(inputs));
     ensure!(
         inputs.len() == 1 || kind == Some(Kind::LapisGs),
         "{}: is one of {} files, but only LapisGS trains several to be one; give one",
         name(),
         inputs.len()
     );
-    let carrier = mesh.map(carrier).transpose()?;
-    let (free, left_out) = match kind {
+    ensure!(
+        !(taken.half_turn && matches!(kind, Some(Kind::GaussianAvatars | Kind::SplattingAvatar))),
+        "{}: its Gaussians hang on a mesh and stand as it does; leave --half-turn out",
+        name()
+    );
+    let carrier = taken.mesh.map(carrier).transpose()?;
+    let (mut free, left_out) = match kind {
         Some(Kind::LapisGs) => lapisgs::read(inputs)?,
         Some(Kind::GaussianAvatars) => {
             return carrier
@@ -100,6 +123,9 @@ pub fn assemble(
         Some(Kind::SplattingAvatar) => return splatting_avatar::read(first, carrier),
         kind => read(first, kind).map(|(splats, left_out)| (splats.into(), left_out))?,
     };
+    if taken.half_turn {
+        free.splats.half_turn();
+    }
     let assembly = match carrier {
         Some(carrier) => bind::to_nearest(free, carrier)?,
         None => free,
@@ -127,12 +153,19 @@ fn carrier(path: &Path) -> Result<Carrier> {
 
 /// Opens a PLY of 3D Gaussian Splatting and reads its header.
 fn open(path: &Path) -> Result<SplatPly<BufReader<File>>> {
-    let about = regular_file(path)?;
-    let file = File::open(path).context("cannot be read; may you read it?")?;
-    SplatPly::open(BufReader::new(file), about.len())
+    let (file, len) = opened(path)?;
+    SplatPly::open(BufReader::new(file), len)
 }
 
-/// Reads Gaussians that another program trained, and that stand free.
+/// A file and how many bytes it has.
+fn opened(path: &Path) -> Result<(File, u64)> {
+    let about = regular_file(path)?;
+    let file = File::open(path).context("cannot be read; may you read it?")?;
+    Ok((file, about.len()))
+}
+
+/// Reads Gaussians that another program trained, and that stand free. Those of a PLY whose `kind` is said are
+/// taken as they stand, whatever they hang on.
 ///
 /// # Errors
 ///
@@ -143,9 +176,18 @@ pub fn read(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
 }
 
 fn read_file(path: &Path, kind: Option<Kind>) -> Result<(Splats, LeftOut)> {
-    let ply = open(path)?;
-    ensure!(kind.is_some() || !ply.has(BINDING)?, NEEDS_MESH);
-    let (splats, left_out) = splat_ply::read(ply)?;
+    let (mut file, len) = opened(path)?;
+    let found = kind.map_or_else(|| detect::kind(&mut file, path), Ok)?;
+    let (splats, left_out) = match found {
+        Kind::Splat => splat::read(BufReader::new(file), len)?,
+        Kind::Spz => spz::read(BufReader::new(file), len)?,
+        Kind::CompressedPly => compressed_ply::read(&file, len)?,
+        Kind::Ply | Kind::GaussianAvatars | Kind::SplattingAvatar | Kind::LapisGs => {
+            let ply = SplatPly::open(BufReader::new(file), len)?;
+            ensure!(kind.is_some() || !ply.has(BINDING)?, NEEDS_MESH);
+            splat_ply::read(ply)?
+        }
+    };
     splats.ensure_any(&left_out)?;
     Ok((splats, left_out))
 }
@@ -195,7 +237,7 @@ pub fn pack(assembly: impl Into<Assembly>) -> Result<Vec<u8>> {
         regions: vec![region],
         mathematics: Mathematics {
             frame,
-            low_pass: LowPass::Classic,
+            low_pass: if splats.compensated { LowPass::Compensated } else { LowPass::Classic },
             scale_law,
             harmonics_degree: splats.degree,
         },

@@ -53,6 +53,16 @@ impl<R: BufRead> Ply<R> {
         &self.reader.header().elem_defs[self.index]
     }
 
+    /// Whether the file has an element of this name.
+    pub(super) fn has_element(&self, name: &str) -> bool {
+        self.reader.header().elem_defs.iter().any(|element| element.name == name)
+    }
+
+    /// What the header says in comments.
+    pub(super) fn comments(&self) -> impl Iterator<Item = &str> {
+        self.reader.header().comments.iter().map(|comment| comment.trim())
+    }
+
     /// The place of a property that holds one number in each row; `None` if there is none of this name.
     pub(super) fn column(&self, name: &str) -> Result<Option<usize>> {
         let element = self.element();

@@ -8,7 +8,7 @@ use super::ply::Ply;
 use super::splats::{LeftOut, Splat, Splats};
 
 /// √(1/4π): the constant harmonic. Colour = ½ + this · `f_dc`.
-const CONSTANT_HARMONIC: f64 = 0.282_094_791_773_878_14;
+pub(crate) const CONSTANT_HARMONIC: f64 = 0.282_094_791_773_878_14;
 
 /// What every Gaussian has, in the order of [`gaussian`].
 const NUMBERS: [&str; 14] = [
@@ -22,6 +22,9 @@ const MOST_HARMONICS: usize = 45;
 /// The triangle of each Gaussian, where they hang on a mesh.
 pub(super) const BINDING: &str = "binding_0";
 
+/// The comment by which Brush and PlayCanvas' tools tell a low-pass as Mip-Splatting's.
+pub(crate) const COMPENSATED: &str = "SplatRenderMode: mip";
+
 /// A PLY whose properties are those of 3D Gaussian Splatting.
 pub(super) struct SplatPly<R> {
     ply: Ply<R>,
@@ -31,6 +34,8 @@ pub(super) struct SplatPly<R> {
     rest: usize,
     /// Degree of the harmonics, 0..=3.
     pub(super) degree: u8,
+    /// Whether the low-pass that they were trained for is compensated.
+    pub(super) compensated: bool,
 }
 
 impl<R: BufRead> SplatPly<R> {
@@ -44,23 +49,10 @@ impl<R: BufRead> SplatPly<R> {
             })?;
             columns.push(column);
         }
-        let mut rest = 0;
-        while rest <= MOST_HARMONICS
-            && let Some(column) = ply.column(&format!("f_rest_{rest}"))?
-        {
-            columns.push(column);
-            rest += 1;
-        }
-        let degree = match rest {
-            0 => 0,
-            9 => 1,
-            24 => 2,
-            MOST_HARMONICS => 3,
-            _ => {
-                bail!("has {rest} properties f_rest in a row, not 0, 9, 24 or 45; export it again")
-            }
-        };
-        Ok(Self { ply, columns, rest, degree })
+        let (degree, rest) = harmonics_columns(&ply)?;
+        columns.extend(&rest);
+        let compensated = is_compensated(&ply);
+        Ok(Self { ply, columns, rest: rest.len(), degree, compensated })
     }
 
     /// How many rows there are.
@@ -81,6 +73,12 @@ impl<R: BufRead> SplatPly<R> {
         Ok(self)
     }
 
+    /// What its Gaussians go into, still empty.
+    pub(super) fn splats(&self) -> Splats {
+        let Self { degree, compensated, .. } = *self;
+        Splats { degree, compensated, ..Splats::default() }
+    }
+
     /// Calls `visit` with each row's number, its Gaussian, and the numbers that [`Self::with`] asked
     /// for, up to its first error.
     pub(super) fn for_each(
@@ -96,11 +94,7 @@ impl<R: BufRead> SplatPly<R> {
             }
             let (numbers, row) = row.split_at(NUMBERS.len());
             let (rest, more) = row.split_at(self.rest);
-            // The file holds all of red, then green, then blue.
-            let bands = rest.len() / 3;
-            for (i, coefficient) in harmonics.iter_mut().enumerate() {
-                *coefficient = rest[i % 3 * bands + i / 3] as f32;
-            }
+            per_coefficient(|i| rest[i] as f32, &mut harmonics);
             visited = visit(number, &gaussian(numbers, &harmonics), more);
             number += 1;
         })?;
@@ -110,7 +104,7 @@ impl<R: BufRead> SplatPly<R> {
 
 /// Reads Gaussians that stand free, or are taken as if they did.
 pub(super) fn read(ply: SplatPly<impl BufRead>) -> Result<(Splats, LeftOut)> {
-    let mut splats = Splats { degree: ply.degree, ..Splats::default() };
+    let mut splats = ply.splats();
     let mut left_out = LeftOut::default();
     ply.for_each(|_, splat, _| {
         splats.push(splat, &mut left_out);
@@ -118,6 +112,37 @@ pub(super) fn read(ply: SplatPly<impl BufRead>) -> Result<(Splats, LeftOut)> {
     })?;
     splats.lower_degree();
     Ok((splats, left_out))
+}
+
+/// Degree of the harmonics, and places of their properties.
+pub(super) fn harmonics_columns<R: BufRead>(ply: &Ply<R>) -> Result<(u8, Vec<usize>)> {
+    let mut columns = Vec::new();
+    while columns.len() <= MOST_HARMONICS
+        && let Some(column) = ply.column(&format!("f_rest_{}", columns.len()))?
+    {
+        columns.push(column);
+    }
+    let degree = match columns.len() {
+        0 => 0,
+        9 => 1,
+        24 => 2,
+        MOST_HARMONICS => 3,
+        rest => bail!("has {rest} properties f_rest in a row, not 0, 9, 24 or 45; export it again"),
+    };
+    Ok((degree, columns))
+}
+
+/// Fills `harmonics`, (r, g, b) after (r, g, b), from `rest`, where all of red stands before green and blue.
+pub(super) fn per_coefficient(rest: impl Fn(usize) -> f32, harmonics: &mut [f32]) {
+    let bands = harmonics.len() / 3;
+    for (i, coefficient) in harmonics.iter_mut().enumerate() {
+        *coefficient = rest(i % 3 * bands + i / 3);
+    }
+}
+
+/// Whether the file says that its Gaussians were trained with a compensated low-pass.
+pub(super) fn is_compensated<R: BufRead>(ply: &Ply<R>) -> bool {
+    ply.comments().any(|comment| comment == COMPENSATED)
 }
 
 /// The Gaussian of a row: opacity by its logit, scales by their natural logarithms.

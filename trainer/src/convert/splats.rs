@@ -19,6 +19,13 @@ const GREATEST_POSITION: f64 = 1e9;
 const GREATEST_LOG2_SCALE: f64 = 30.0;
 const GREATEST_COLOR: f64 = 250.0;
 
+/// Which harmonics of degrees 1 to 3 change their sign with y and z: those whose polynomials have an odd number of both.
+const TURNED: [bool; 15] = [
+    true, true, false, // y, z, x
+    true, false, false, true, false, // xy, yz, 2z² − x² − y², xz, x² − y²
+    true, false, true, true, false, true, false, // y…, xyz, y…, z…, x…, z…, x…
+];
+
 /// Free Gaussians, metres, world axes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
@@ -29,6 +36,10 @@ pub struct Splats {
     /// For each Gaussian 3 · ((degree + 1)² − 1) coefficients, (r, g, b) after (r, g, b); empty at
     /// degree 0.
     pub harmonics: Vec<Vec<f32>>,
+    /// Whether their low-pass is [compensated](dermis_format::LowPass::Compensated); otherwise classic.
+    pub compensated: bool,
+    /// The degree that they came with, where harmonics were cut.
+    pub cut_from: Option<u8>,
 }
 
 /// How many Gaussians of a file were left out, and why.
@@ -58,6 +69,11 @@ pub struct Splat<'a> {
 }
 
 impl Splats {
+    /// Coefficients of a Gaussian at a degree.
+    pub fn harmonics_len(degree: u8) -> usize {
+        3 * ((usize::from(degree) + 1).pow(2) - 1)
+    }
+
     /// Adds a Gaussian, or counts it as left out; whether it was added.
     pub fn push(&mut self, splat: &Splat<'_>, left_out: &mut LeftOut) -> bool {
         if !is_tame(splat) {
@@ -98,20 +114,46 @@ impl Splats {
     /// Lowers the degree to the greatest that has a coefficient other than zero: files of degree 3
     /// that hold plain colours are common.
     pub fn lower_degree(&mut self) {
-        let len = |degree: u8| 3 * ((usize::from(degree) + 1).pow(2) - 1);
         let is_used = |degree: u8| {
-            let mut bands = self.harmonics.iter().flat_map(|h| &h[len(degree - 1)..len(degree)]);
-            bands.any(|&x| x != 0.0)
+            let band = Self::harmonics_len(degree - 1)..Self::harmonics_len(degree);
+            self.harmonics.iter().flat_map(|h| &h[band.clone()]).any(|&x| x != 0.0)
         };
         let mut degree = self.degree;
         while degree > 0 && !is_used(degree) {
             degree -= 1;
         }
+        self.truncate_harmonics(degree);
+    }
+
+    /// Cuts harmonics above `degree` and remembers the degree that they came with.
+    pub fn cut_degree(&mut self, degree: u8) {
+        if degree < self.degree {
+            self.cut_from.get_or_insert(self.degree);
+            self.truncate_harmonics(degree);
+        }
+    }
+
+    /// Turns everything half around the x axis: from y down and z forward, as most captures have them, to y up and
+    /// z back, and the other way.
+    pub fn half_turn(&mut self) {
+        for g in &mut self.gaussians {
+            let ([x, y, z], [w, i, j, k]) = (g.position, g.rotation);
+            g.position = [x, -y, -z];
+            // Its own axes are turned, too, which changes no covariance.
+            g.rotation = [w, i, -j, -k];
+        }
+        for coefficients in &mut self.harmonics {
+            let bands = coefficients.as_chunks_mut::<3>().0.iter_mut().zip(TURNED);
+            bands.filter(|(_, turned)| *turned).for_each(|(c, _)| *c = c.map(|x| -x));
+        }
+    }
+
+    fn truncate_harmonics(&mut self, degree: u8) {
         self.degree = degree;
         if degree == 0 {
             self.harmonics = Vec::new();
         }
-        self.harmonics.iter_mut().for_each(|h| h.truncate(len(degree)));
+        self.harmonics.iter_mut().for_each(|h| h.truncate(Self::harmonics_len(degree)));
     }
 }
 
@@ -204,10 +246,23 @@ mod tests {
             let harmonics = &[vec![0.0; 24 - coefficients.len()], coefficients.to_vec()].concat();
             splats.push(&Splat { harmonics, ..splat() }, &mut LeftOut::default());
             splats.lower_degree();
+            assert_eq!(splats.cut_from, None, "nothing is lost");
             (splats.degree, splats.harmonics.first().map_or(0, Vec::len))
         };
         assert_eq!(of(&[]), (0, 0));
         assert_eq!(of(&[0.1]), (2, 24));
         assert_eq!(of(&[&[0.1f32][..], &[0.0; 15]].concat()), (1, 9));
+    }
+
+    #[test]
+    fn a_cut_is_remembered() {
+        let mut splats = Splats { degree: 2, ..Splats::default() };
+        splats.push(&Splat { harmonics: &[0.5; 24], ..splat() }, &mut LeftOut::default());
+        splats.cut_degree(3);
+        assert_eq!((splats.degree, splats.cut_from), (2, None));
+        splats.cut_degree(1);
+        assert_eq!((splats.degree, splats.cut_from, splats.harmonics[0].len()), (1, Some(2), 9));
+        splats.cut_degree(0);
+        assert_eq!((splats.degree, splats.cut_from, splats.harmonics.len()), (0, Some(2), 0));
     }
 }

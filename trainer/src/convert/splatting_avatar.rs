@@ -121,7 +121,7 @@ fn standing(
          stands with --from ply"
     );
     let normals = vertex_normals(model);
-    let mut splats = Splats { degree: ply.degree, ..Splats::default() };
+    let mut splats = ply.splats();
     let (mut left_out, mut triangles) = (LeftOut::default(), Vec::new());
     ply.for_each(|row, splat, _| {
         let triangle = embedding.sample_fidxs[row];

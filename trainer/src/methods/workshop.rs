@@ -1,8 +1,8 @@
 //! What all methods share: the posed mesh, the pictures of it, placement and descent.
 
 use anyhow::{Context, Result, ensure};
-use dermis_format::Avatar;
 use dermis_format::source::{Importance, Source};
+use dermis_format::{Avatar, DiscWidths};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
@@ -18,6 +18,7 @@ use crate::optimize::cloud::{Cloud, Freedom, Seed};
 use crate::optimize::descend::{Advance, Descent, Problem};
 use crate::optimize::forward::Stage;
 use crate::optimize::loss::Compared;
+use crate::optimize::precision;
 use crate::optimize::residual;
 use crate::optimize::schedule::{Prefixes, Random, Schedule};
 use crate::options::Options;
@@ -106,6 +107,11 @@ impl<'a> Workshop<'a> {
     /// What culling costs the clouds of all regions.
     pub fn culling(&self, clouds: &[Cloud]) -> Result<Culling> {
         culling::measure(clouds, &self.problem())
+    }
+
+    /// Bits of the file's numbers, layer by layer.
+    pub fn widths(&self, clouds: &[Cloud]) -> Result<Vec<DiscWidths>> {
+        precision::choose(clouds, &self.problem(), self.options.max_loss_db)
     }
 
     /// How much each region matters, which moves in `clips` and of which views have `seen` so much.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::time::Instant;
 
 use anyhow::Result;
-use dermis_format::LowPass;
+use dermis_format::{DiscWidths, LowPass};
 use dermis_runtime::Camera;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,7 @@ use super::cloud::{Cloud, Parameters, Prefix};
 use super::forward::{Forward, Stage, draw};
 use super::loss::{Compared, Loss};
 use super::mover::{Motion, Mover};
+use super::precision;
 use super::price;
 use super::rounding::as_stored;
 use super::schedule::{Random, Schedule};
@@ -55,6 +56,8 @@ pub struct Descent<'a> {
     /// Views that this round has not seen yet, the next one last.
     order: Vec<usize>,
     step: u32,
+    /// Bits of the file's numbers, layer by layer; chosen when the last steps begin.
+    widths: Option<Vec<DiscWidths>>,
     workspaces: [Workspace; AT_ONCE],
 }
 
@@ -90,6 +93,7 @@ pub struct State<'a> {
     random: Random,
     /// Empty at the end.
     order: Cow<'a, [usize]>,
+    widths: Option<Vec<DiscWidths>>,
     /// Of each region.
     levels: Vec<Cow<'a, [Vec<Parameters>]>>,
     /// Of each region; empty at the end.
@@ -120,6 +124,7 @@ impl<'a> Descent<'a> {
             random,
             order: Vec::new(),
             step: 0,
+            widths: None,
             workspaces: Default::default(),
         }
     }
@@ -150,6 +155,7 @@ impl<'a> Descent<'a> {
             step: self.step,
             random: self.random.clone(),
             order: order.into(),
+            widths: self.widths.clone(),
             levels: self.clouds.iter().map(|cloud| cloud.levels[..].into()).collect(),
             moments: motions.iter().map(|motion| motion.moments[..].into()).collect(),
         }
@@ -168,6 +174,7 @@ impl<'a> Descent<'a> {
                 || same_lengths(&state.moments, self.motions.iter().map(|motion| &motion.moments)));
         self.random = state.random;
         self.order = state.order.into_owned();
+        self.widths = state.widths;
         for (cloud, levels) in self.clouds.iter_mut().zip(state.levels) {
             cloud.levels = levels.into_owned();
         }
@@ -184,8 +191,7 @@ impl<'a> Descent<'a> {
         let finishes = self.schedule.finishes_at(self.step);
         let shots: Vec<Shot<'_>> = (0..steps).map(|_| self.next_shot()).collect();
         let start = Instant::now();
-        let stored: Option<Vec<Cloud>> =
-            finishes.then(|| self.clouds.iter().map(as_stored).collect()).transpose()?;
+        let stored = if finishes { Some(self.stored()?) } else { None };
         let (clouds, problem) = (stored.as_ref().unwrap_or(&self.clouds), self.problem);
         let mut advance = Advance { steps, ..Advance::default() };
         advance.times.forward += milliseconds(start);
@@ -217,6 +223,19 @@ impl<'a> Descent<'a> {
             advance.compared.mse += pass.compared.mse / f64::from(steps);
         }
         Ok(advance)
+    }
+
+    /// The clouds as a file would hold them.
+    fn stored(&mut self) -> Result<Vec<Cloud>> {
+        let widths = match &self.widths {
+            Some(widths) => widths,
+            None => self.widths.insert(precision::choose(
+                &self.clouds,
+                self.problem,
+                self.schedule.max_loss_db,
+            )?),
+        };
+        self.clouds.iter().map(|cloud| as_stored(cloud, widths)).collect()
     }
 
     /// What the next step draws.

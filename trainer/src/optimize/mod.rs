@@ -21,6 +21,7 @@ pub mod discs;
 pub mod forward;
 pub mod loss;
 pub mod mover;
+pub mod precision;
 pub mod price;
 pub mod projection;
 pub mod residual;

@@ -6,31 +6,40 @@
 //! nothing to win; with 5 and 4 bits it lost 0.1 dB (notes/training.md).
 
 use anyhow::{Context, Result};
-use dermis_format::{Disc, order, writer};
+use dermis_format::{Disc, DiscWidths, order, writer};
 use rayon::prelude::*;
 
 use super::cloud::{Cloud, Parameters};
 
-/// What a reader gets of `cloud`, opacities within 10⁻⁴. It costs about 0.2 µs for each Gaussian of each level.
+/// What a reader gets of `cloud`, opacities within 10⁻⁴, its discs' numbers having `widths` bits at each layer of the
+/// file (8 each where there are none). It costs about 0.2 µs for each Gaussian of each level.
 ///
 /// # Errors
 ///
 /// Where a number is not finite.
-pub fn as_stored(cloud: &Cloud) -> Result<Cloud> {
-    let levels = cloud.levels.iter().map(|level| level_as_stored(cloud, level));
+pub fn as_stored(cloud: &Cloud, widths: &[DiscWidths]) -> Result<Cloud> {
+    let levels = cloud.levels.iter().map(|level| level_as_stored(cloud, level, widths));
     Ok(Cloud { levels: levels.collect::<Result<_>>()?, ..cloud.clone() })
 }
 
-fn level_as_stored(cloud: &Cloud, level: &[Parameters]) -> Result<Vec<Parameters>> {
+fn level_as_stored(
+    cloud: &Cloud,
+    level: &[Parameters],
+    widths: &[DiscWidths],
+) -> Result<Vec<Parameters>> {
     // A level ends with a layer, and so with a block.
     let blocks = order::blocks(&cloud.layers);
     let blocks: Vec<_> = blocks.take_while(|block| (block.1 as usize) < level.len()).collect();
+    let last = blocks.last().map(|&(layer, ..)| layer);
     let stored: Vec<Vec<Disc>> = blocks
         .into_par_iter()
-        .map(|(_, first, count)| {
+        .map(|(layer, first, count)| {
             let places = first as usize..(first + count) as usize;
-            let discs: Vec<Disc> = level[places.clone()].iter().map(Parameters::disc).collect();
-            writer::stored(&cloud.triangles[places], &discs)
+            let discs: Vec<Disc> = level[places].iter().map(Parameters::disc).collect();
+            // A single level is no level of the file's: each Gaussian has the record of its layer.
+            let layer = if cloud.levels.len() > 1 { last.unwrap_or(layer) } else { layer };
+            let widths = widths.get(usize::from(layer)).copied().unwrap_or_default();
+            writer::stored(&discs, widths)
         })
         .collect::<Result<_, _>>()
         .context("the avatar cannot be written")?;

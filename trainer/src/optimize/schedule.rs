@@ -65,6 +65,8 @@ pub struct Schedule {
     pub warm_up: f32,
     /// Share of the steps, the last ones, that draw what a file would hold ([`super::rounding`]).
     pub finish: f32,
+    /// PSNR that a level may lose to the few bits of the file's numbers, dB ([`super::precision`]).
+    pub max_loss_db: f32,
     /// Share of the steps before a background of a random colour, without which an avatar's white
     /// parts would be free to be transparent before white.
     pub random_background: f32,

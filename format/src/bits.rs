@@ -1,0 +1,89 @@
+//! Numbers of any width in a row of bytes, the lowest bit of the first byte first.
+
+/// `N` bytes from byte `at` on; zeros beyond the end.
+#[inline]
+fn chunk<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+    let rest = bytes.get(at..).unwrap_or(&[]);
+    if let Some(chunk) = rest.first_chunk() {
+        return *chunk;
+    }
+    let mut chunk = [0; N];
+    chunk.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);
+    chunk
+}
+
+/// The 121 bits, or more, from bit `at` on; zeros beyond the end.
+#[inline]
+pub(crate) fn window(bytes: &[u8], at: usize) -> u128 {
+    u128::from_le_bytes(chunk(bytes, at / 8)) >> (at % 8)
+}
+
+/// `width` bits from bit `at` on, at most 25; zeros beyond the end.
+#[inline]
+pub(crate) fn bits(bytes: &[u8], at: usize, width: u32) -> u32 {
+    u32::from_le_bytes(chunk(bytes, at / 8)) >> (at % 8) & mask(width)
+}
+
+/// The lowest `width` bits, at most 31.
+#[inline]
+pub(crate) const fn mask(width: u32) -> u32 {
+    (1 << (width & 31)) - 1
+}
+
+/// Bytes that hold `bits` bits.
+#[inline]
+pub(crate) const fn bytes_for(bits: usize) -> usize {
+    bits.div_ceil(8)
+}
+
+/// Writes numbers of any width one after the other.
+#[cfg(feature = "std")]
+#[derive(Debug, Default)]
+pub(crate) struct BitWriter {
+    bytes: Vec<u8>,
+    /// Bits that are written.
+    len: usize,
+}
+
+#[cfg(feature = "std")]
+impl BitWriter {
+    /// Appends the lowest `width` bits of `number`.
+    pub(crate) fn push(&mut self, number: u32, width: u32) {
+        for bit in 0..width {
+            if self.len.is_multiple_of(8) {
+                self.bytes.push(0);
+            }
+            if let Some(last) = self.bytes.last_mut() {
+                *last |= ((number >> bit & 1) as u8) << (self.len % 8);
+            }
+            self.len += 1;
+        }
+    }
+
+    /// What was written; the bits that fill the last byte are 0.
+    pub(crate) fn finish(self) -> Vec<u8> {
+        self.bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_any_width_return() {
+        let numbers: Vec<(u32, u32)> =
+            (0..500u32).map(|i| (i % 26, i.wrapping_mul(2_654_435_761) & mask(i % 26))).collect();
+        let mut writer = BitWriter::default();
+        numbers.iter().for_each(|&(width, number)| writer.push(number, width));
+        let bytes = writer.finish();
+        let mut at = 0;
+        for (width, number) in numbers {
+            assert_eq!(bits(&bytes, at, width), number);
+            assert_eq!(window(&bytes, at) as u32 & mask(width), number);
+            at += width as usize;
+        }
+        assert_eq!(bytes.len(), bytes_for(at));
+        assert_eq!((bits(&bytes, at + 64, 25), window(&bytes, usize::MAX)), (0, 0));
+    }
+}
