@@ -2,7 +2,7 @@
 
 use crate::block::Block;
 use crate::error::{Error, malformed};
-use crate::header::{Header, PerLevel};
+use crate::header::{Header, MAX_REGIONS, PerLevel};
 use crate::level::Level;
 use crate::level_order::LevelOrder;
 use crate::record::{
@@ -10,7 +10,7 @@ use crate::record::{
     take_plane,
 };
 use crate::rig::{Clip, MorphTarget};
-use crate::section::{Section, Sections, section_crc, split_header, tag};
+use crate::section::{Section, Sections, head, section_crc, split_header, tag};
 use crate::walk::{Levels, Runs};
 
 /// An avatar, read in place. Everything was checked by [`Avatar::parse`]; accessors are total.
@@ -32,27 +32,44 @@ pub struct Avatar<'a> {
     joint_names: &'a [u8],
     binds: &'a [BindRecord],
     key_frames: &'a [KeyFrameRecord],
+    /// Gaussians of each region whose blocks are there.
+    present: [u32; MAX_REGIONS],
 }
 
 impl<'a> Avatar<'a> {
     /// Checks the whole file: lengths, checksums, indices and numbers. Costs one pass over the bytes.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, Error> {
-        let (header_bytes, rest) = split_header(bytes)?;
-        let header = Header::parse(header_bytes)?;
-        let mut avatar = Self::without_sections(header, bytes, Sections::new(rest));
-        let mut counts = Counts::new(&avatar);
-        let mut sections = avatar.sections;
-        loop {
-            let here = sections;
-            let Some(section) = sections.next_with_crc() else { break };
-            let (section, crc) = section?;
-            if crc != section_crc(&section) {
-                return Err(Error::Damaged { place: section_name(section.tag) });
-            }
-            avatar.take(section, here, &mut counts)?;
+        let Scanned { avatar, counts, cut } = Scanned::new(bytes)?;
+        if let Some(error) = cut {
+            return Err(error);
         }
+        counts.levels.as_ref().map_or(Ok(()), LevelOrder::end)?;
         avatar.check(&counts)?;
+        if counts.clips != usize::from(avatar.header.clips) {
+            return malformed("CLIP", MISSING);
+        }
+        let regions = 0..usize::from(avatar.header.regions);
+        if regions.clone().any(|region| avatar.region_len(region) != avatar.present(region)) {
+            return malformed("LAYR", "the layers of a region do not add up to its blocks");
+        }
         Ok(avatar)
+    }
+
+    /// The same of the first bytes of a file, cut anywhere behind the mesh and the rig: a coarser avatar, of the
+    /// Gaussians and clips whose sections are whole. What follows the last whole section is left out.
+    ///
+    /// Lengths of regions and layers stay the file's; [`Self::present`] says what is there.
+    pub fn parse_prefix(bytes: &'a [u8]) -> Result<Self, Error> {
+        let Scanned { avatar, counts, cut } = Scanned::new(bytes)?;
+        match avatar.check(&counts) {
+            // What is missing is behind the cut.
+            Err(Error::Malformed { cause: MISSING, .. }) => Err(cut.unwrap_or(Error::Truncated {
+                place: "mesh and rig",
+                needed: bytes.len() as u64 + 1,
+                present: bytes.len() as u64,
+            })),
+            other => other.map(|()| avatar),
+        }
     }
 
     fn without_sections(header: Header, bytes: &'a [u8], sections: Sections<'a>) -> Self {
@@ -73,6 +90,7 @@ impl<'a> Avatar<'a> {
             joint_names: &[],
             binds: &[],
             key_frames: &[],
+            present: [0; MAX_REGIONS],
         }
     }
 
@@ -177,14 +195,15 @@ impl<'a> Avatar<'a> {
             (self.layers.len(), layers, "LAYR"),
             (Names { rest: self.regions }.count(), usize::from(header.regions), "REGN"),
             (counts.morph_targets, usize::from(header.morph_targets), "MRPH"),
-            (counts.clips, usize::from(header.clips), "CLIP"),
         ];
         if let Some((_, _, place)) = lengths.iter().find(|(found, expected, _)| found != expected) {
-            return malformed(place, "it is missing or not as long as the header says");
+            return malformed(place, MISSING);
         }
-        counts.levels.as_ref().map_or(Ok(()), LevelOrder::end)?;
+        if counts.clips > usize::from(header.clips) {
+            return malformed("CLIP", "there are more than the header says");
+        }
         self.check_rig()?;
-        self.check_layers(counts)
+        self.check_layers()
     }
 
     fn check_rig(&self) -> Result<(), Error> {
@@ -216,21 +235,18 @@ impl<'a> Avatar<'a> {
         Ok(())
     }
 
-    fn check_layers(&self, counts: &Counts<'_>) -> Result<(), Error> {
+    fn check_layers(&self) -> Result<(), Error> {
         let mut total = 0u64;
-        let regions = counts.regions.iter().take(usize::from(self.header.regions));
-        for (region, &in_blocks) in regions.enumerate() {
-            let mut sum = 0u64;
-            for layer in 0..usize::from(self.header.layers) {
-                sum += u64::from(self.layer_len(region, layer));
-            }
-            if sum != u64::from(in_blocks) {
+        for region in 0..usize::from(self.header.regions) {
+            let layers = 0..usize::from(self.header.layers);
+            let sum: u64 = layers.map(|layer| u64::from(self.layer_len(region, layer))).sum();
+            if sum < u64::from(self.present(region)) {
                 return malformed("LAYR", "the layers of a region do not add up to its blocks");
             }
             total += sum;
         }
         if total != u64::from(self.header.gaussians) {
-            return malformed("header", "the number of Gaussians is not that of the blocks");
+            return malformed("header", "the number of Gaussians is not that of the layers");
         }
         for block in self.blocks() {
             let region = usize::from(block.region);
@@ -319,6 +335,11 @@ impl<'a> Avatar<'a> {
     /// Gaussians of region `region`.
     pub fn region_len(&self, region: usize) -> u32 {
         (0..usize::from(self.header.layers)).map(|layer| self.layer_len(region, layer)).sum()
+    }
+
+    /// Gaussians of region `region` whose blocks are there: all of them, but in a prefix of a file.
+    pub fn present(&self, region: usize) -> u32 {
+        self.present.get(region).copied().unwrap_or(0)
     }
 
     /// How much each region matters, as measured when it was trained; none if the file leaves it out.
@@ -420,11 +441,54 @@ impl<'a> Iterator for Names<'a> {
     }
 }
 
+/// What is said of a section that is not there, or cut.
+const MISSING: &str = "it is missing or not as long as the header says";
+
+/// A file's sections, each checked by itself.
+struct Scanned<'a> {
+    /// Of the whole sections.
+    avatar: Avatar<'a>,
+    counts: Counts<'a>,
+    /// Why the last section is not whole, if it is not.
+    cut: Option<Error>,
+}
+
+impl<'a> Scanned<'a> {
+    fn new(bytes: &'a [u8]) -> Result<Self, Error> {
+        let (header_bytes, rest) = split_header(bytes)?;
+        let header = Header::parse(header_bytes)?;
+        let start = bytes.len() - rest.len();
+        let mut avatar = Avatar::without_sections(header, bytes, Sections::new(rest));
+        let mut counts = Counts::new(&avatar);
+        let (mut sections, mut end, mut cut) = (avatar.sections, start, None);
+        loop {
+            let here = sections;
+            let (section, crc) = match sections.next_with_crc() {
+                Some(Ok(section)) => section,
+                Some(Err(error)) => {
+                    cut = Some(error);
+                    break;
+                }
+                None => break,
+            };
+            if crc != section_crc(&section) {
+                return Err(Error::Damaged { place: section_name(section.tag) });
+            }
+            avatar.take(section, here, &mut counts)?;
+            end += head::LEN + section.payload.len();
+        }
+        avatar.present = counts.regions;
+        avatar.bytes = bytes.get(..end).unwrap_or(bytes);
+        avatar.sections = Sections::new(bytes.get(start..end).unwrap_or(rest));
+        Ok(Self { avatar, counts, cut })
+    }
+}
+
 /// What was counted on the way through the sections.
 struct Counts<'a> {
     morph_targets: usize,
     clips: usize,
-    regions: [u32; crate::header::MAX_REGIONS],
+    regions: [u32; MAX_REGIONS],
     /// Where there may be levels.
     levels: Option<LevelOrder<'a>>,
 }
@@ -435,7 +499,7 @@ impl<'a> Counts<'a> {
         Self {
             morph_targets: 0,
             clips: 0,
-            regions: [0; crate::header::MAX_REGIONS],
+            regions: [0; MAX_REGIONS],
             levels: has_levels.then(|| LevelOrder::new(avatar.sections)),
         }
     }

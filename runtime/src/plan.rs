@@ -35,10 +35,10 @@ impl Plan {
     /// order, rounded down, and what is left goes one by one to the region whose share is then the
     /// smallest (Jefferson's apportionment). No region ever loses a Gaussian as the budget grows.
     pub fn with_budget(avatar: &Avatar<'_>, budget: u32) -> Self {
-        let total = u64::from(avatar.header().gaussians);
+        let lens = (0..usize::from(avatar.header().regions)).map(|r| avatar.present(r));
+        let total = lens.clone().map(u64::from).sum();
         let budget = u64::from(budget).min(total);
         let share = |len: u32| (u64::from(len) * budget).checked_div(total).unwrap_or(0) as u32;
-        let lens = (0..usize::from(avatar.header().regions)).map(|r| avatar.region_len(r));
         let mut regions = collected(lens.map(|len| (share(len), len)));
         let used: u64 = regions.iter().map(|&(count, _)| u64::from(count)).sum();
         // Rounding leaves fewer Gaussians than there are regions.
@@ -77,7 +77,7 @@ impl Plan {
         Self::of_counts(avatar, counts)
     }
 
-    /// The first `counts` Gaussians of each region; no more than it has.
+    /// The first `counts` Gaussians of each region; no more than are there.
     pub fn of_counts(avatar: &Avatar<'_>, counts: impl Iterator<Item = u32>) -> Self {
         let regions = (0..usize::from(avatar.header().regions)).zip(counts);
         let regions = regions.map(|(region, count)| RegionPlan::new(avatar, region, count));
@@ -104,7 +104,7 @@ impl Plan {
     pub(crate) fn check(&self, avatar: &Avatar<'_>) -> Result<(), Error> {
         let mut regions = self.regions.iter().enumerate();
         if self.regions.len() != usize::from(avatar.header().regions)
-            || regions.any(|(index, region)| region.count > avatar.region_len(index))
+            || regions.any(|(index, region)| region.count > avatar.present(index))
         {
             return Err(Error::Plan);
         }
@@ -120,7 +120,7 @@ impl Plan {
 impl RegionPlan {
     fn new(avatar: &Avatar<'_>, region: usize, count: u32) -> Self {
         let len = avatar.region_len(region);
-        let count = count.min(len);
+        let count = count.min(avatar.present(region));
         let mut plan = Self { count, level: -1, ..Self::default() };
         let mut before = 0;
         for layer in 0..usize::from(avatar.header().layers) {

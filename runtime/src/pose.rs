@@ -44,7 +44,8 @@ pub(crate) fn evaluate(
             copy("morph weights", weights, given)?;
         }
         Pose::Clip { clip: index, seconds } => {
-            let clips = usize::from(avatar.header().clips);
+            // Of a prefix of a file some may not be there.
+            let clips = avatar.clips().count();
             let clip = avatar.clips().nth(index).ok_or(Error::Clip { clips, index })?;
             rest(avatar, joints, weights);
             apply(&clip, seconds, joints, weights);

@@ -97,8 +97,14 @@ fn whole_path(path: &Path) -> f64 {
         let seen = pixels.iter().filter(|pixel| **pixel != [empty, empty, empty, 255]).count();
         assert!(seen > 100, "{}: {seen} pixels of it in {pose:?}", path.display());
     }
-    let options =
-        EvalOptions { key_frames: 1, views: 4, size: 96, background, budgets: Vec::new() };
+    let options = EvalOptions {
+        key_frames: 1,
+        views: 4,
+        size: 96,
+        background,
+        budgets: Vec::new(),
+        prefixes: Vec::new(),
+    };
     let evaluation = evaluate(&avatar, &model, &options).unwrap_or_else(|error| named(&error));
     let mut novel = evaluation.rows.iter().filter(|row| row.split == Split::NovelView);
     novel.next_back().expect("a split has rows").psnr_foreground_db

@@ -69,6 +69,7 @@ fn measured(model: &Model, trained: &Trained, budgets: &[u32]) -> Evaluation {
         size: 96,
         background: WHITE,
         budgets: budgets.to_vec(),
+        prefixes: Vec::new(),
     };
     evaluate(&avatar, model, &options).expect("it can be measured")
 }

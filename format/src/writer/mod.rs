@@ -46,11 +46,12 @@ pub fn encode(source: &Source) -> Result<Vec<u8>, EncodeError> {
     for morph in &source.mesh.morph_targets {
         section(&mut out, tag::MORPH, &morph_payload(morph, header.vertices)?)?;
     }
+    write_regions(&mut out, source)?;
+    write_blocks(&mut out, source)?;
+    // A file that is cut short is first of all a picture.
     for clip in &source.rig.clips {
         section(&mut out, tag::CLIP, &clip_payload(clip)?)?;
     }
-    write_regions(&mut out, source)?;
-    write_blocks(&mut out, source)?;
     // The reader is the judge: what it refuses is never handed out.
     match crate::Avatar::parse(&out) {
         Ok(_) => Ok(out),

@@ -68,6 +68,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         size: SIZE,
         background: WHITE,
         budgets: BUDGETS.to_vec(),
+        prefixes: Vec::new(),
     };
     let evaluation = evaluate(&avatar, &model, &measure)?;
     let galleries = galleries(&avatar, &model, out)?;

@@ -18,6 +18,9 @@ pub(crate) struct Arguments {
     /// Budgets to measure beside the file's levels.
     #[arg(long, value_delimiter = ',', default_value = "5000,20000", value_name = "N,…")]
     budgets: Vec<u32>,
+    /// Shares of the file's bytes, its first ones, to measure in place of levels and budgets.
+    #[arg(long, value_delimiter = ',', value_name = "PERCENT,…", value_parser = percent)]
+    prefix: Vec<f32>,
     /// Poses of each split.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     keyframes: u32,
@@ -29,6 +32,12 @@ pub(crate) struct Arguments {
     size: u32,
 }
 
+/// In (0, 100].
+fn percent(text: &str) -> Result<f32, String> {
+    let number = text.parse().ok().filter(|percent| *percent > 0.0 && *percent <= 100.0);
+    number.ok_or_else(|| String::from("give percents above 0, at most 100, as in 10,25,50"))
+}
+
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let model = import::load(&arguments.mesh)?;
     let options = EvalOptions {
@@ -37,6 +46,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         size: arguments.size,
         background: [1.0; 3],
         budgets: arguments.budgets.clone(),
+        prefixes: arguments.prefix.clone(),
     };
     let evaluation =
         super::with_avatar(&arguments.file, |avatar| evaluate(avatar, &model, &options))?;

@@ -10,7 +10,7 @@ pub mod reference;
 
 use anyhow::{Context, Result, ensure};
 use dermis_format::section::{self, Sections};
-use dermis_runtime::{Avatar, Plan};
+use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
 use serde::Serialize;
 
 use crate::draw::{draw, rgb_of};
@@ -33,6 +33,8 @@ pub struct EvalOptions {
     pub background: [f32; 3],
     /// Counts to measure beside the file's levels.
     pub budgets: Vec<u32>,
+    /// Shares of the file's bytes, its first ones, to measure in place of levels and budgets, in percent.
+    pub prefixes: Vec<f32>,
 }
 
 /// Poses that were trained on or not.
@@ -64,6 +66,9 @@ pub struct Row {
     pub level: f32,
     /// Budget that was asked for; none for the file's own levels.
     pub budget: Option<u32>,
+    /// Share of the file's bytes that was read, in percent; none: all of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prefix: Option<f32>,
     /// Gaussians drawn at most.
     pub gaussians: u32,
     /// Bytes of the file that such a picture needs.
@@ -126,7 +131,11 @@ pub struct Evaluation {
 /// Measures `avatar` against `model`.
 pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Result<Evaluation> {
     check_same(avatar, model)?;
-    let plans = plans(avatar, &options.budgets);
+    let measured = if options.prefixes.is_empty() {
+        plans(avatar, &options.budgets)
+    } else {
+        prefixes(avatar, &options.prefixes)?
+    };
     let painter = Painter::new(model);
     let trained = trained_key_frames(avatar);
     let count = options.key_frames as usize;
@@ -139,8 +148,8 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
         if frames.is_empty() {
             continue;
         }
-        let sums = measure(avatar, &painter, frames, split, &plans, options)?;
-        rows.extend(plans.iter().zip(sums).map(|(plan, sum)| plan.row(avatar, split, &sum)));
+        let sums = measure(avatar, &painter, frames, split, &measured, options)?;
+        rows.extend(measured.iter().zip(sums).map(|(one, sum)| one.row(split, &sum)));
     }
     Ok(Evaluation { views: novel.len() * directions(Split::NovelView, options).len(), rows })
 }
@@ -190,33 +199,52 @@ fn directions(split: Split, options: &EvalOptions) -> Vec<glam::Vec3> {
     all[..options.views.clamp(1, 42) as usize].to_vec()
 }
 
-/// A count to measure.
-struct Measured {
+/// What is measured: all of a file or its first bytes, and a count.
+struct Measured<'a> {
+    avatar: Avatar<'a>,
     budget: Option<u32>,
+    prefix: Option<f32>,
     plan: Plan,
 }
 
 /// The file's levels and the budgets, by count, each count once.
-fn plans(avatar: &Avatar<'_>, budgets: &[u32]) -> Vec<Measured> {
+fn plans<'a>(avatar: &Avatar<'a>, budgets: &[u32]) -> Vec<Measured<'a>> {
     let levels =
         (0..avatar.header().layers).map(|level| (None, Plan::at_level(avatar, f32::from(level))));
     let budgets = budgets.iter().map(|&budget| (Some(budget), Plan::with_budget(avatar, budget)));
-    let mut plans: Vec<_> =
-        levels.chain(budgets).map(|(budget, plan)| Measured { budget, plan }).collect();
+    let of = |(budget, plan)| Measured { avatar: *avatar, budget, prefix: None, plan };
+    let mut plans: Vec<_> = levels.chain(budgets).map(of).collect();
     plans.sort_by_key(|measured| measured.plan.gaussians());
     plans.dedup_by_key(|measured| measured.plan.gaussians());
     plans
 }
 
-impl Measured {
-    fn row(&self, avatar: &Avatar<'_>, split: Split, sum: &Sum) -> Row {
+/// All Gaussians in shares of the file's bytes.
+fn prefixes<'a>(avatar: &Avatar<'a>, percents: &[f32]) -> Result<Vec<Measured<'a>>> {
+    let of = |&percent: &f32| {
+        let bytes = avatar.bytes();
+        let len = (bytes.len() as f64 * f64::from(percent) / 100.0).round() as usize;
+        let avatar = Avatar::parse_prefix(&bytes[..len.min(bytes.len())])
+            .with_context(|| format!("its first {len} bytes ({percent} %)"))?;
+        let plan = Plan::with_budget(&avatar, u32::MAX);
+        Ok(Measured { avatar, budget: None, prefix: Some(percent), plan })
+    };
+    percents.iter().map(of).collect()
+}
+
+impl Measured<'_> {
+    fn row(&self, split: Split, sum: &Sum) -> Row {
         let mean = |value: f64| value / f64::from(sum.pictures.max(1));
         Row {
             split,
-            level: self.plan.level(avatar),
+            level: self.plan.level(&self.avatar),
             budget: self.budget,
+            prefix: self.prefix,
             gaussians: self.plan.gaussians(),
-            bytes: bytes_of(avatar, &self.plan),
+            bytes: match self.prefix {
+                Some(_) => self.avatar.bytes().len(),
+                None => bytes_of(&self.avatar, &self.plan),
+            },
             views: sum.pictures,
             psnr_db: mean(sum.psnr),
             psnr_foreground_db: sum.foreground / f64::from(sum.covered.max(1)),
@@ -244,8 +272,8 @@ pub fn bytes_of(avatar: &Avatar<'_>, plan: &Plan) -> usize {
             };
             blocks.next().and_then(region).unwrap_or(false)
         } else {
-            // A level leads its layer, which decides.
-            section.tag != section::tag::LEVEL
+            // A level leads its layer, which decides. Clips come last, and a pose may come from elsewhere.
+            ![section::tag::LEVEL, section::tag::CLIP].contains(&section.tag)
         };
         if counts {
             needed = end;
@@ -285,32 +313,36 @@ fn measure(
     painter: &Painter<'_>,
     frames: &[KeyFrame],
     split: Split,
-    plans: &[Measured],
+    measured: &[Measured<'_>],
     options: &EvalOptions,
 ) -> Result<Vec<Sum>> {
     let rig = RigScale::of(painter.model());
     let directions = directions(split, options);
-    let mut sums = vec![Sum::default(); plans.len()];
+    let mut sums = vec![Sum::default(); measured.len()];
     let bar = progress::bar("measuring", (frames.len() * directions.len()) as u64);
     for frame in frames {
         let posed = scene::posed_vertices(painter.model(), &frame.pose(painter.model()));
         let cameras = rig.cameras(&directions, &posed, options.size, options.size);
         let shots: Vec<_> =
             cameras.iter().map(|&camera| scene::View { posed: &posed, camera }).collect();
-        let measured =
+        // A prefix may lack clips: vertices are posed by the whole file, once for all.
+        let mut scratch = vec![0; Posed::scratch_len(avatar)];
+        let runtime = Posed::new(avatar, &runtime_pose(frame), Kernel::detect(), &mut scratch)?;
+        let pose = Pose::Vertices(runtime.vertices());
+        let pictures =
             scene::render_views(painter, &shots, options.background, 4, |index, truth| {
                 bar.inc(1);
                 let compare = |m: &Measured| -> Result<Sum> {
-                    let pose = runtime_pose(frame);
-                    let drawn = draw(avatar, &pose, &m.plan, &cameras[index], options.background)?;
+                    let camera = &cameras[index];
+                    let drawn = draw(&m.avatar, &pose, &m.plan, camera, options.background)?;
                     Ok(Sum {
                         blends: drawn.statistics.counts.blends,
                         ..compare(&truth, &rgb_of(&drawn.rgba))
                     })
                 };
-                plans.iter().map(compare).collect::<Result<Vec<_>>>()
+                measured.iter().map(compare).collect::<Result<Vec<_>>>()
             });
-        for picture in measured {
+        for picture in pictures {
             let picture = picture.context("the avatar cannot be drawn")?;
             sums.iter_mut().zip(&picture).for_each(|(sum, one)| sum.add(one));
         }

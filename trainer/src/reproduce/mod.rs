@@ -54,6 +54,7 @@ fn rows(
         size,
         background: options.background,
         budgets: budgets.to_vec(),
+        prefixes: Vec::new(),
     };
     Ok(evaluate(&avatar, model, &options)?.rows)
 }
