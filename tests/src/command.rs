@@ -80,3 +80,38 @@ pub fn run(folder: &Path, arguments: &str) -> Run {
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("it prints UTF-8");
     Run { code: status.code(), stdout: text(stdout), stderr: text(stderr) }
 }
+
+/// Runs, and checks that the folder holds what it held and nothing was printed.
+fn run_in_vain(folder: &Path, arguments: &str) -> Run {
+    let before = crate::files::names(folder);
+    let run = run(folder, arguments);
+    assert_eq!(run.stdout, "", "{arguments}: nothing on stdout");
+    assert_eq!(crate::files::names(folder), before, "{arguments}: no file made, none left");
+    run
+}
+
+/// A failure: exit code 1 and one line that holds all of `parts`, the file and the remedy.
+///
+/// # Panics
+///
+/// Where it is not so.
+pub fn fails(folder: &Path, arguments: &str, parts: &[&str]) {
+    let run = run_in_vain(folder, arguments);
+    assert_eq!(run.code, Some(1), "{arguments}: {run:?}");
+    assert!(run.stderr.ends_with('\n') && run.stderr.lines().count() == 1, "{arguments}: {run:?}");
+    for part in parts {
+        assert!(run.stderr.contains(part), "{arguments}: {part:?} is not in {:?}", run.stderr);
+    }
+    println!("{}", run.stderr.trim_end());
+}
+
+/// Bad usage: exit code 2 and a message that names the option.
+///
+/// # Panics
+///
+/// Where it is not so.
+pub fn misuses(folder: &Path, arguments: &str, option: &str) {
+    let run = run_in_vain(folder, arguments);
+    assert_eq!(run.code, Some(2), "{arguments}: {run:?}");
+    assert!(run.stderr.contains(option), "{arguments}: {option:?} is not in {:?}", run.stderr);
+}

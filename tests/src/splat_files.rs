@@ -3,6 +3,7 @@
 //! of the numbers that its codes stand for.
 
 use crate::splats::SplatPly;
+use crate::spz::Spz;
 
 /// √(1/4π).
 const CONSTANT_HARMONIC: f64 = 0.282_094_791_773_878_14;
@@ -54,6 +55,33 @@ impl Columns {
     fn set_color(&self, row: &mut [f32], channel: usize, color: f64) {
         row[self.dc[channel]] = ((color - 0.5) / CONSTANT_HARMONIC) as f32;
     }
+}
+
+/// A file with its name, and what it says.
+pub type Said = (&'static str, Vec<u8>, SplatPly);
+
+/// The same Gaussians in every format that holds their degree.
+pub fn in_every_format(ply: &SplatPly) -> Vec<Said> {
+    let spz = |name, version| {
+        let (spz, said) = Spz::new(ply, version);
+        (name, spz.bytes(), said)
+    };
+    let compressed = |name, color_ranges| {
+        let (bytes, said) = compressed_ply(ply, color_ranges);
+        (name, bytes, said)
+    };
+    let mut files = vec![
+        spz("2.spz", 2),
+        spz("3.spz", 3),
+        spz("4.spz", 4),
+        compressed("compressed.ply", true),
+        compressed("old_compressed.ply", false),
+    ];
+    if ply.degree() == 0 {
+        let (bytes, said) = splat(ply);
+        files.push(("a.splat", bytes, said));
+    }
+    files
 }
 
 pub(crate) fn byte(x: f64) -> u8 {

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use dermis_tests::command::{Run, dermis, run};
+use dermis_tests::command::{dermis, fails, misuses, run};
 use dermis_tests::files::{SmallMesh, empty_folder, names};
 use dermis_tests::small::{options, trained_demo};
 use dermis_tests::splats::SplatPly;
@@ -18,33 +18,6 @@ fn folder(name: &str) -> PathBuf {
     let options = dermis_trainer::options::Options { size: 32, ..options(300, 5) };
     fs::write(folder.join("a.dermis"), trained_demo(&options).1.bytes).expect("it can be written");
     folder
-}
-
-/// Runs, and checks that the folder holds what it held and nothing was printed.
-fn run_in_vain(folder: &Path, arguments: &str) -> Run {
-    let before = names(folder);
-    let run = run(folder, arguments);
-    assert_eq!(run.stdout, "", "{arguments}: nothing on stdout");
-    assert_eq!(names(folder), before, "{arguments}: no file made, none left");
-    run
-}
-
-/// A failure: exit code 1 and one line that holds all of `parts`, the file and the remedy.
-fn fails(folder: &Path, arguments: &str, parts: &[&str]) {
-    let run = run_in_vain(folder, arguments);
-    assert_eq!(run.code, Some(1), "{arguments}: {run:?}");
-    assert!(run.stderr.ends_with('\n') && run.stderr.lines().count() == 1, "{arguments}: {run:?}");
-    for part in parts {
-        assert!(run.stderr.contains(part), "{arguments}: {part:?} is not in {:?}", run.stderr);
-    }
-    println!("{}", run.stderr.trim_end());
-}
-
-/// Bad usage: exit code 2 and a message that names the option.
-fn misuses(folder: &Path, arguments: &str, option: &str) {
-    let run = run_in_vain(folder, arguments);
-    assert_eq!(run.code, Some(2), "{arguments}: {run:?}");
-    assert!(run.stderr.contains(option), "{arguments}: {option:?} is not in {:?}", run.stderr);
 }
 
 /// One JSON object on stdout, and nothing else there.

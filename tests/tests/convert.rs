@@ -4,8 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use dermis_runtime::{Avatar, Camera, Plan, Pose};
+use dermis_tests::converted::{
+    ALL, exact, orbit_at_rest, psnr_at_rest, real_file_keeps_its_pictures,
+};
 use dermis_tests::files::{self, written};
-use dermis_tests::splat_pictures::{ALL, exact, orbit, psnr, real_file_keeps_its_pictures};
 use dermis_tests::splats::SplatPly;
 use dermis_trainer::convert::{self, LeftOut};
 use dermis_trainer::draw::draw;
@@ -30,8 +32,8 @@ fn every_degree_keeps_its_pictures() {
         for (yaw, pitch, distance) in
             [(0.0, 0.0, None), (140.0, -35.0, None), (70.0, 20.0, Some(0.2))]
         {
-            let camera = orbit(&avatar, yaw, pitch, distance, 160);
-            let db = psnr(&avatar, ALL, &exact(&ply, &camera), &camera);
+            let camera = orbit_at_rest(&avatar, yaw, pitch, distance, 160);
+            let db = psnr_at_rest(&avatar, ALL, &exact(&ply, &camera), &camera);
             println!("degree {degree} from {yaw}°: {db:.2} dB");
             assert!(db > 45.0, "degree {degree} from {yaw}°: {db:.2} dB");
         }
@@ -95,10 +97,10 @@ fn a_half_turn_shows_the_same_to_a_camera_that_turns_with_it() {
     let turned = convert::pack(splats.clone()).expect("it can be packed");
     let turned = Avatar::parse(&turned).expect("what was packed is valid");
     for yaw in [20.0, 110.0, 250.0] {
-        let camera = orbit(&turned, yaw, 25.0, None, 160);
+        let camera = orbit_at_rest(&turned, yaw, 25.0, None, 160);
         let world_to_camera = camera.world_to_camera.map(|[x, y, z, t]| [x, -y, -z, t]);
         let of_file = exact(&ply, &Camera { world_to_camera, ..camera });
-        let db = psnr(&turned, ALL, &of_file, &camera);
+        let db = psnr_at_rest(&turned, ALL, &of_file, &camera);
         assert!(db > 45.0, "{db:.2} dB");
     }
     splats.half_turn();
@@ -125,13 +127,13 @@ fn what_is_never_seen_is_left_out() {
     assert_eq!(splats.gaussians.len(), 35);
     let bytes = convert::pack(splats).expect("it can be packed");
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
-    let camera = orbit(&avatar, 0.0, 0.0, None, 100);
+    let camera = orbit_at_rest(&avatar, 0.0, 0.0, None, 100);
     let kept: Vec<Vec<f32>> =
         (0..40).filter(|i| ![3, 5, 7, 9, 11].contains(i)).map(|i| ply.rows[i].clone()).collect();
     // The formulas' quaternion of length 0 is the identity.
     let ply = SplatPly { rows: kept, ..ply };
     let ply = ply.with(14, "rot_0", 1.0);
-    let db = psnr(&avatar, ALL, &exact(&ply, &camera), &camera);
+    let db = psnr_at_rest(&avatar, ALL, &exact(&ply, &camera), &camera);
     assert!(db > 45.0, "{db:.2} dB");
 }
 
@@ -165,8 +167,8 @@ fn one_gaussian_has_a_picture() {
     let ply = SplatPly::random(1, 0, 3).with(0, "opacity", 3.0);
     let bytes = converted(&written(&folder, "a.ply", ply.bytes()));
     let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
-    let camera = orbit(&avatar, 30.0, 10.0, None, 64);
-    let db = psnr(&avatar, ALL, &exact(&ply, &camera), &camera);
+    let camera = orbit_at_rest(&avatar, 30.0, 10.0, None, 64);
+    let db = psnr_at_rest(&avatar, ALL, &exact(&ply, &camera), &camera);
     assert!(db > 45.0, "{db:.2} dB");
 }
 

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed, PosedGaussian, Sides};
 use dermis_tests::command::{Run, run};
+use dermis_tests::converted::{ALL, exact, orbit_at_rest, psnr_at_rest};
 use dermis_tests::files::{self, written};
 use dermis_tests::small::{options, trained_demo};
-use dermis_tests::splat_pictures::{ALL, exact, orbit, psnr};
 use dermis_tests::splats::SplatPly;
 use dermis_trainer::convert::{self, LeftOut, Splats};
 use dermis_trainer::export::{self, Packed};
@@ -129,14 +129,14 @@ fn pictures_of_what_stands_free_are_kept() {
             let (splats, _) = export::posed(&avatar, &Pose::Rest, &plan).expect("it is drawn");
             assert_eq!((splats.gaussians.len(), usize::from(splats.degree)), (count, degree));
             let exported = SplatPly::parse(&export::ply(&splats));
-            let camera = orbit(&avatar, 40.0, 15.0, None, 160);
-            let db = psnr(&avatar, budget, &exact(&exported, &camera), &camera);
+            let camera = orbit_at_rest(&avatar, 40.0, 15.0, None, 160);
+            let db = psnr_at_rest(&avatar, budget, &exact(&exported, &camera), &camera);
             assert!(db > 60.0, "degree {degree}, {budget}: {db:.2} dB");
             // Once more the same codes: what was quantized is not quantized again.
             let path = written(&folder, "b.ply", export::ply(&splats));
             let again = convert::pack(read(&path)).expect("it can be packed");
             let again = Avatar::parse(&again).expect("what was packed is valid");
-            let db = psnr(&again, ALL, &exact(&exported, &camera), &camera);
+            let db = psnr_at_rest(&again, ALL, &exact(&exported, &camera), &camera);
             assert!(db > 45.0, "degree {degree}, {budget}: {db:.2} dB");
         }
     }
@@ -224,8 +224,8 @@ fn real_files_go_around_and_keep_their_pictures() {
             let again = Avatar::parse(&again).expect("what was packed is valid");
             let mut sum = 0.0;
             for view in 0..6 {
-                let camera = orbit(&again, 60.0 * view as f32, 10.0, Some(distance), 400);
-                sum += psnr(&again, ALL, &exact(&source, &camera), &camera) / 6.0;
+                let camera = orbit_at_rest(&again, 60.0 * view as f32, 10.0, Some(distance), 400);
+                sum += psnr_at_rest(&again, ALL, &exact(&source, &camera), &camera) / 6.0;
             }
             println!("{} through {name}, {len} bytes: {sum:.2} dB", path.display());
             assert!(sum > least, "{name}: {sum:.2} dB");

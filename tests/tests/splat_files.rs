@@ -6,39 +6,14 @@ use std::path::Path;
 
 use dermis_runtime::Avatar;
 use dermis_tests::command::run;
+use dermis_tests::converted::{
+    ALL, exact, orbit_at_rest, psnr_at_rest, real_file_keeps_its_pictures,
+};
 use dermis_tests::files::{self, written};
-use dermis_tests::splat_files::{compressed_ply, splat};
-use dermis_tests::splat_pictures::{ALL, exact, orbit, psnr, real_file_keeps_its_pictures};
+use dermis_tests::splat_files::{compressed_ply, in_every_format, splat};
 use dermis_tests::splats::SplatPly;
 use dermis_tests::spz::{Spz, gzip};
 use dermis_trainer::convert::{self, Kind, LeftOut, Splats};
-
-/// A file with its name, and what it says.
-type Said = (&'static str, Vec<u8>, SplatPly);
-
-/// The same Gaussians in every format that holds their degree.
-fn in_every_format(ply: &SplatPly) -> Vec<Said> {
-    let spz = |name, version| {
-        let (spz, said) = Spz::new(ply, version);
-        (name, spz.bytes(), said)
-    };
-    let compressed = |name, color_ranges| {
-        let (bytes, said) = compressed_ply(ply, color_ranges);
-        (name, bytes, said)
-    };
-    let mut files = vec![
-        spz("2.spz", 2),
-        spz("3.spz", 3),
-        spz("4.spz", 4),
-        compressed("compressed.ply", true),
-        compressed("old_compressed.ply", false),
-    ];
-    if ply.degree() == 0 {
-        let (bytes, said) = splat(ply);
-        files.push(("a.splat", bytes, said));
-    }
-    files
-}
 
 fn read(path: &Path) -> Splats {
     let (splats, left_out) = convert::read(path, None).unwrap_or_else(|error| panic!("{error:#}"));
@@ -56,8 +31,8 @@ fn every_format_and_degree_keeps_its_pictures() {
             let bytes = convert::pack(splats).expect("what can be read can be packed");
             let avatar = Avatar::parse(&bytes).expect("what was packed is valid");
             for (yaw, pitch, distance) in [(140.0, -35.0, None), (70.0, 20.0, Some(0.2))] {
-                let camera = orbit(&avatar, yaw, pitch, distance, 160);
-                let db = psnr(&avatar, ALL, &exact(&said, &camera), &camera);
+                let camera = orbit_at_rest(&avatar, yaw, pitch, distance, 160);
+                let db = psnr_at_rest(&avatar, ALL, &exact(&said, &camera), &camera);
                 assert!(db > 45.0, "{name}, degree {degree} from {yaw}°: {db:.2} dB");
             }
         }

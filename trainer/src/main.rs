@@ -37,7 +37,7 @@ enum Command {
     Demo(commands::demo::Arguments),
     /// Trains an avatar from a rigged mesh (GLB, glTF or OBJ).
     Train(commands::train::Arguments),
-    /// Turns trained Gaussians of another program into an avatar without a mesh.
+    /// Turns trained Gaussians of another program into an avatar, on a mesh or without.
     Convert(commands::convert::Arguments),
     /// Writes posed Gaussians as a file of other programs.
     Export(commands::export::Arguments),

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use dermis_runtime::Avatar;
-use dermis_trainer::convert::{self, Kind, LeftOut};
+use dermis_trainer::convert::{self, Kind, LeftOut, Taken};
 use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
@@ -15,11 +15,16 @@ use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, PlayCanvas' compressed PLY, SPZ or .splat.
-    input: PathBuf,
+    /// Trained Gaussians: a PLY of 3D Gaussian Splatting, PlayCanvas' compressed PLY, SPZ or .splat, or the
+    /// levels of LapisGS (PLY) from coarse to fine.
+    #[arg(required = true, value_name = "IN")]
+    inputs: Vec<PathBuf>,
     /// The avatar to write.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
+    /// Mesh that carries them (GLB, glTF or OBJ): by the triangles that the file names, or the nearest.
+    #[arg(long, value_name = "MESH")]
+    mesh: Option<PathBuf>,
     /// What the file is taken for [default: what its content says].
     #[arg(long, value_enum, value_name = "KIND")]
     from: Option<Kind>,
@@ -52,15 +57,17 @@ struct Missing {
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let output = output::Output::create(&arguments.output)?;
-    let name = arguments.input.display();
-    let (mut splats, left_out) = convert::read(&arguments.input, arguments.from)?;
+    let Arguments { inputs, mesh, from, sh_degree, turning, .. } = arguments;
+    let taken = Taken { kind: *from, mesh: mesh.as_deref(), half_turn: turning.half_turn };
+    let (mut assembly, left_out) = convert::assemble(inputs, &taken)?;
     let LeftOut { faint, wild } = left_out;
-    if let Some(degree) = arguments.sh_degree {
-        splats.cut_degree(degree);
+    let splats = &mut assembly.splats;
+    if let Some(degree) = sh_degree {
+        splats.cut_degree(*degree);
     }
-    arguments.turning.turn(&mut splats);
     let (degree, cut_from) = (splats.degree, splats.cut_from);
-    let bytes = convert::pack(splats).with_context(|| name.to_string())?;
+    let name = inputs.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
+    let bytes = convert::pack(assembly).with_context(|| name.clone())?;
     output.finish(&bytes)?;
     if left_out != LeftOut::default() {
         eprintln!(

@@ -94,7 +94,9 @@ fn exported(avatar: &Avatar<'_>, arguments: &Arguments, kind: Kind) -> Result<(R
     let plan = arguments.detail.plan(avatar);
     let (mut splats, LeftOut { faint, wild }) =
         export::posed(avatar, &arguments.posing.pose(avatar)?, &plan)?;
-    arguments.turning.turn(&mut splats);
+    if arguments.turning.half_turn {
+        splats.half_turn();
+    }
     let Packed { bytes, clamped } = match kind {
         Kind::Ply => Packed { bytes: export::ply(&splats), clamped: 0 },
         Kind::Spz => export::spz(&splats)?,

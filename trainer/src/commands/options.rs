@@ -5,7 +5,6 @@ use std::str::FromStr;
 use anyhow::{Context, Result};
 use dermis_runtime::prepare::MAX_SIZE;
 use dermis_runtime::{Avatar, Plan, Pose};
-use dermis_trainer::convert::Splats;
 
 /// Width and height, px.
 #[derive(Clone, Copy, Debug)]
@@ -72,16 +71,7 @@ impl Detail {
 /// Which way is up.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(crate) struct Turning {
-    /// Turn everything half around x: from y down, z forward to y up, z back, and the other way [default: axes stay].
+    /// Turn all Gaussians half around x: from y down, z forward to y up, z back, and the other way [default: axes stay].
     #[arg(long)]
-    half_turn: bool,
-}
-
-impl Turning {
-    /// Turns Gaussians, if they are to be turned.
-    pub(crate) fn turn(&self, splats: &mut Splats) {
-        if self.half_turn {
-            splats.half_turn();
-        }
-    }
+    pub(crate) half_turn: bool,
 }

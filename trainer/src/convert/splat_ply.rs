@@ -19,45 +19,96 @@ const NUMBERS: [&str; 14] = [
 /// Properties `f_rest` of degree 3.
 const MOST_HARMONICS: usize = 45;
 
-/// Written by programs whose Gaussians stand in frames of a mesh's triangles.
-const BINDING: &str = "binding_0";
+/// The triangle of each Gaussian, where they hang on a mesh.
+pub(super) const BINDING: &str = "binding_0";
 
 /// The comment by which Brush and PlayCanvas' tools tell a low-pass as Mip-Splatting's.
 pub(crate) const COMPENSATED: &str = "SplatRenderMode: mip";
 
-/// Whether Gaussians that hang on a mesh are taken as if they stood free.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Bound {
-    Refused,
-    AsTheyStand,
+/// A PLY whose properties are those of 3D Gaussian Splatting.
+pub(super) struct SplatPly<R> {
+    ply: Ply<R>,
+    /// Of [`NUMBERS`], of the harmonics, of what [`Self::with`] asked for.
+    columns: Vec<usize>,
+    /// Properties `f_rest`.
+    rest: usize,
+    /// Degree of the harmonics, 0..=3.
+    pub(super) degree: u8,
+    /// Whether the low-pass that they were trained for is compensated.
+    pub(super) compensated: bool,
 }
 
-/// Reads a file of `len` bytes.
-pub(super) fn read(file: impl BufRead, len: u64, bound: Bound) -> Result<(Splats, LeftOut)> {
-    let ply = Ply::open(file, len, "vertex")?;
-    if bound == Bound::Refused && ply.column(BINDING)?.is_some() {
-        bail!(
-            "its Gaussians hang on a mesh ({BINDING}), which convert cannot read yet; \
-             give Gaussians that stand free, or take them as they stand with --from ply"
-        );
+impl<R: BufRead> SplatPly<R> {
+    /// Reads the header of a file of `len` bytes.
+    pub(super) fn open(file: R, len: u64) -> Result<Self> {
+        let ply = Ply::open(file, len, "vertex")?;
+        let mut columns = Vec::new();
+        for name in NUMBERS {
+            let column = ply.column(name)?.with_context(|| {
+                format!("has no property {name}; export it as a PLY of 3D Gaussian Splatting")
+            })?;
+            columns.push(column);
+        }
+        let (degree, rest) = harmonics_columns(&ply)?;
+        columns.extend(&rest);
+        let compensated = is_compensated(&ply);
+        Ok(Self { ply, columns, rest: rest.len(), degree, compensated })
     }
-    let mut columns = Vec::new();
-    for name in NUMBERS {
-        let column = ply.column(name)?.with_context(|| {
-            format!("has no property {name}; export it as a PLY of 3D Gaussian Splatting")
+
+    /// How many rows there are.
+    pub(super) fn count(&self) -> usize {
+        self.ply.element().count
+    }
+
+    /// Whether there is such a property.
+    pub(super) fn has(&self, name: &str) -> Result<bool> {
+        Ok(self.ply.column(name)?.is_some())
+    }
+
+    /// Reads one more property.
+    pub(super) fn with(mut self, name: &str) -> Result<Self> {
+        let column = self.ply.column(name)?;
+        self.columns
+            .push(column.with_context(|| format!("has no property {name}; export it again"))?);
+        Ok(self)
+    }
+
+    /// What its Gaussians go into, still empty.
+    pub(super) fn splats(&self) -> Splats {
+        let Self { degree, compensated, .. } = *self;
+        Splats { degree, compensated, ..Splats::default() }
+    }
+
+    /// Calls `visit` with each row's number, its Gaussian, and the numbers that [`Self::with`] asked
+    /// for, up to its first error.
+    pub(super) fn for_each(
+        self,
+        mut visit: impl FnMut(usize, &Splat<'_>, &[f64]) -> Result<()>,
+    ) -> Result<()> {
+        let mut harmonics = vec![0.0; self.rest];
+        let mut number = 0;
+        let mut visited = Ok(());
+        self.ply.for_each_row(&self.columns, |row| {
+            if visited.is_err() {
+                return;
+            }
+            let (numbers, row) = row.split_at(NUMBERS.len());
+            let (rest, more) = row.split_at(self.rest);
+            per_coefficient(|i| rest[i] as f32, &mut harmonics);
+            visited = visit(number, &gaussian(numbers, &harmonics), more);
+            number += 1;
         })?;
-        columns.push(column);
+        visited
     }
-    let (degree, rest) = harmonics_columns(&ply)?;
-    columns.extend(&rest);
-    let compensated = is_compensated(&ply);
-    let mut splats = Splats { degree, compensated, ..Splats::default() };
+}
+
+/// Reads Gaussians that stand free, or are taken as if they did.
+pub(super) fn read(ply: SplatPly<impl BufRead>) -> Result<(Splats, LeftOut)> {
+    let mut splats = ply.splats();
     let mut left_out = LeftOut::default();
-    let mut harmonics = vec![0.0; rest.len()];
-    ply.for_each_row(&columns, |row| {
-        let (numbers, rest) = row.split_at(NUMBERS.len());
-        per_coefficient(|i| rest[i] as f32, &mut harmonics);
-        splats.push(&gaussian(numbers, &harmonics), &mut left_out);
+    ply.for_each(|_, splat, _| {
+        splats.push(splat, &mut left_out);
+        Ok(())
     })?;
     splats.lower_degree();
     Ok((splats, left_out))

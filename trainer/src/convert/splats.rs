@@ -1,5 +1,6 @@
 //! Gaussians that stand free in the world, on their way from another program's file into ours.
 
+use anyhow::{Result, ensure};
 use dermis_format::Full;
 use dermis_format::quant::{opacity_code, opacity_value};
 use dermis_runtime::select::LEAST_OPACITY;
@@ -73,15 +74,15 @@ impl Splats {
         3 * ((usize::from(degree) + 1).pow(2) - 1)
     }
 
-    /// Adds a Gaussian, or counts it as left out.
-    pub fn push(&mut self, splat: &Splat<'_>, left_out: &mut LeftOut) {
+    /// Adds a Gaussian, or counts it as left out; whether it was added.
+    pub fn push(&mut self, splat: &Splat<'_>, left_out: &mut LeftOut) -> bool {
         if !is_tame(splat) {
             left_out.wild += 1;
-            return;
+            return false;
         }
         if opacity_value(opacity_code(splat.opacity as f32)) < LEAST_OPACITY {
             left_out.faint += 1;
-            return;
+            return false;
         }
         let longest = splat.log2_scale.into_iter().fold(f64::NEG_INFINITY, f64::max);
         let least = (longest + THINNEST_LOG2).max(POINT_LOG2);
@@ -95,6 +96,19 @@ impl Splats {
         if self.degree > 0 {
             self.harmonics.push(splat.harmonics.to_vec());
         }
+        true
+    }
+
+    /// Refuses to go on with none.
+    pub(super) fn ensure_any(&self, left_out: &LeftOut) -> Result<()> {
+        let LeftOut { faint, wild } = left_out;
+        ensure!(
+            !self.gaussians.is_empty(),
+            "none of its {} Gaussians can be drawn ({faint} too faint, {wild} with numbers that are \
+             not finite or too great); export it again",
+            faint + wild
+        );
+        Ok(())
     }
 
     /// Lowers the degree to the greatest that has a coefficient other than zero: files of degree 3

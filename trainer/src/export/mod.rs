@@ -96,7 +96,9 @@ fn hanging(
     let mut gaussians = vec![PosedGaussian::default(); plan.gaussians() as usize];
     let count = posed.export(plan, eye, Sides::All, &mut gaussians)?;
     let mut left_out = LeftOut::default();
-    gaussians[..count].iter().for_each(|gaussian| splats.push(&free(gaussian), &mut left_out));
+    for gaussian in &gaussians[..count] {
+        splats.push(&free(gaussian), &mut left_out);
+    }
     Ok((splats, left_out))
 }
 

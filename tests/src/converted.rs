@@ -1,4 +1,4 @@
-//! Pictures of converted Gaussians against the pictures of the file that they came from.
+//! A converted file's pictures against those of the Gaussians that went into it.
 
 use std::path::Path;
 
@@ -12,36 +12,65 @@ use crate::compare::to_reference;
 use crate::small::WHITE;
 use crate::splats::SplatPly;
 
-/// The picture of a whole PLY in f64, RGB8.
+/// All of a file's Gaussians.
+pub const ALL: u32 = u32::MAX;
+
+/// The picture of a whole PLY in f64 over white, RGB8.
 pub fn exact(ply: &SplatPly, camera: &Camera) -> Vec<u8> {
     let byte = |x: f64| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
     ply.draw(camera, WHITE).iter().flat_map(|rgb| rgb.map(byte)).collect()
 }
 
-/// The first `budget` Gaussians of a file, drawn by Dermis, against a picture: dB over the pixels that
-/// either touches.
-pub fn psnr(avatar: &Avatar<'_>, budget: u32, exact: &[u8], camera: &Camera) -> f64 {
-    let plan = Plan::with_budget(avatar, budget);
-    let drawn = draw(avatar, &Pose::Rest, &plan, camera, WHITE).expect("it can be drawn");
+/// What a plan draws of a file, against a picture over white: dB over the pixels that either touches.
+///
+/// # Panics
+///
+/// Where it cannot be drawn, or there is nothing to be seen.
+pub fn psnr(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    plan: &Plan,
+    exact: &[u8],
+    camera: &Camera,
+) -> f64 {
+    let drawn = draw(avatar, pose, plan, camera, WHITE).expect("it can be drawn");
     let drawn = rgb_of(&drawn.rgba);
     let pixels = exact.chunks_exact(3).zip(drawn.chunks_exact(3));
     let touched: Vec<bool> = pixels.map(|(a, b)| a != [255; 3] || b != [255; 3]).collect();
     psnr_db(exact, &drawn, Some(&touched)).expect("it is seen")
 }
 
-/// All of a file's Gaussians.
-pub const ALL: u32 = u32::MAX;
-
-/// A camera around a file of Gaussians, `size × size` pixels.
+/// A square picture from somewhere around a posed file.
+///
+/// # Panics
+///
+/// Where the file has no box.
 pub fn orbit(
     avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
     yaw: f32,
     pitch: f32,
     distance: Option<f32>,
     size: u32,
 ) -> Camera {
     let orbit = Orbit { yaw, pitch, distance };
-    orbit.camera(avatar, &Pose::Rest, size, size).expect("it has a box")
+    orbit.camera(avatar, pose, size, size).expect("it has a box")
+}
+
+/// [`psnr`] of the first `budget` Gaussians at rest.
+pub fn psnr_at_rest(avatar: &Avatar<'_>, budget: u32, exact: &[u8], camera: &Camera) -> f64 {
+    psnr(avatar, &Pose::Rest, &Plan::with_budget(avatar, budget), exact, camera)
+}
+
+/// [`orbit`] around a file at rest.
+pub fn orbit_at_rest(
+    avatar: &Avatar<'_>,
+    yaw: f32,
+    pitch: f32,
+    distance: Option<f32>,
+    size: u32,
+) -> Camera {
+    orbit(avatar, &Pose::Rest, yaw, pitch, distance, size)
 }
 
 /// Least PSNR of a converted file's pictures in dB, over the foreground; about 2 dB below what was
@@ -64,15 +93,15 @@ pub fn real_file_keeps_its_pictures(name: &str, ply: &SplatPly, path: &Path, dis
     let mut sums = [0.0; 4];
     for view in 0..6 {
         let pitch = [-25.0, 10.0][view % 2];
-        let camera = orbit(&avatar, 60.0 * view as f32, pitch, Some(distance), 400);
+        let camera = orbit_at_rest(&avatar, 60.0 * view as f32, pitch, Some(distance), 400);
         let exact = exact(ply, &camera);
-        let db = counts.map(|k| psnr(&avatar, k, &exact, &camera));
+        let db = counts.map(|k| psnr_at_rest(&avatar, k, &exact, &camera));
         assert!(db[0] > LEAST_DB, "{name}: {:.2} dB", db[0]);
         assert!(db[1] > 17.0 && db[2] > 12.0, "{name}: prefixes are pictures, but {db:.2?} dB");
         sums.iter_mut().zip(db).for_each(|(sum, db)| *sum += db);
     }
     println!("{name}: {count} Gaussians, {} bytes, {:.2?} dB", bytes.len(), sums.map(|s| s / 6.0));
-    let camera = orbit(&avatar, 200.0, 5.0, Some(distance), 200);
+    let camera = orbit_at_rest(&avatar, 200.0, 5.0, Some(distance), 200);
     for budget in [ALL, count / 4] {
         let plan = Plan::with_budget(&avatar, budget);
         let off = to_reference(&avatar, &Pose::Rest, &plan, &camera);
