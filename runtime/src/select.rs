@@ -106,9 +106,9 @@ pub fn for_each_of_block<'a, 'b>(
         of_group.iter_mut().take(len).zip(&mut triangles).for_each(|(to, from)| *to = from);
         let mut chosen = [0u8; GROUP_LEN];
         let mut count = 0;
-        for at in 0..len {
+        for (at, &triangle) in of_group.iter().take(len).enumerate() {
             let index = (start + at) as u32;
-            let shown = is_free || shows(of_group[at]);
+            let shown = is_free || shows(triangle);
             let drawn = shown & (whole || order::rank(index, block.count) < drawn);
             chosen[count % GROUP_LEN] = at as u8;
             count += usize::from(drawn);

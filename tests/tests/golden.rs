@@ -95,7 +95,11 @@ fn ribbon() -> Source {
             triangles: cloud.triangles.clone(),
             ..Region::default()
         }],
-        mathematics: Mathematics { low_pass: LowPass::Compensated, ..Mathematics::default() },
+        mathematics: Mathematics {
+            frame: FrameKind::Area,
+            low_pass: LowPass::Compensated,
+            ..Mathematics::default()
+        },
         bounds: [[-0.2, 0.0, 0.0], [0.2, 1.2, 0.0]],
         ..Source::default()
     }
