@@ -110,9 +110,8 @@ fn the_worked_bytes_say_what_the_text_says() {
         let near =
             |a: f32, b: f32, bound: f32| assert!((a - b).abs() <= bound, "{found:?} {expected:?}");
         // Half of the step that the worked bytes name.
-        let half_steps = [0.001_984, 0.000_992, 0.0];
-        for i in 0..3 {
-            near(found.position[i], expected.position[i], half_steps[i] + 1e-6);
+        for (i, half_step) in [0.001_984, 0.000_992, 0.0].into_iter().enumerate() {
+            near(found.position[i], expected.position[i], half_step + 1e-6);
             // Half steps of Y, Co and Cg add up.
             near(found.color[i], expected.color[i], 0.001_984 + 0.016_24 + 0.016_73);
         }

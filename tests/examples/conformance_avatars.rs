@@ -35,7 +35,8 @@ const HARMONICS: usize = 45;
 /// The built-in figure as it is trained: discs on affine frames, each level with parameters of its own, the low-pass of
 /// a pixel.
 fn leveled() -> Vec<u8> {
-    let options = Options { key_frames: 3, size: 240, ..small::options(1_500, 600) };
+    let options =
+        Options { key_frames: 3, size: 240, max_loss_db: 0.1, ..small::options(1_500, 600) };
     small::trained_demo(&options).1.bytes
 }
 

@@ -8,7 +8,7 @@ use dermis_trainer::train::{Trained, train};
 /// White, as in training.
 pub const WHITE: [f32; 3] = [1.0; 3];
 
-/// Options for seconds of work: 2 poses from 12 directions, 96 px.
+/// Options for seconds of work: 2 poses from 12 directions, 96 px; numbers of 8 bits, so that a file is what training drew.
 pub fn options(gaussians: u32, steps: u32) -> Options {
     Options {
         gaussians,
@@ -18,6 +18,7 @@ pub fn options(gaussians: u32, steps: u32) -> Options {
         views: 12,
         key_frames: 2,
         size: 96,
+        max_loss_db: 0.0,
         ..Options::preset(Preset::Draft)
     }
 }

@@ -425,6 +425,18 @@ fn json_has_the_keys_of_the_design() {
     }
     let last = rows[2]["psnr_foreground_db"].as_f64();
     assert!(last > Some(20.0), "a pyramid of one colour is no more than {last:?} dB");
+    let whole = &rows[2];
+
+    // The first bytes alone: the last block is missing, or nothing is.
+    let eval = json(&folder, "eval b.dermis --mesh mesh.glb --size 24 --views 2 --prefix 80,100");
+    let rows = eval["rows"].as_array().expect("rows are a list");
+    let of = |key: &str| -> Vec<_> { rows.iter().map(|row| row[key].clone()).collect() };
+    assert_eq!(of("prefix"), [80.0, 100.0]);
+    assert!(rows[0]["gaussians"].as_u64() < Some(150) && rows[0]["gaussians"].as_u64() > Some(0));
+    let len = fs::metadata(folder.join("b.dermis")).expect("it is there").len();
+    assert!(rows[0]["bytes"].as_u64() <= Some(len * 4 / 5) && rows[1]["bytes"] == len);
+    assert_eq!(rows[1]["psnr_foreground_db"], whole["psnr_foreground_db"]);
+    fails(&folder, "eval b.dermis --mesh mesh.glb --prefix 2", &["b.dermis: ", "(2 %)", "; "]);
     assert_eq!(names(&folder), ["a.dermis", "a.png", "b.dermis", "mesh.glb"]);
 }
 

@@ -26,7 +26,7 @@ fn the_file_costs_at_most_three_tenths_of_a_decibel() {
         let cost = cost_of_packing(&model, &trained, &options, count, 6);
         println!("{count} Gaussians: {cost:.3?}");
         assert!(cost.cloud > 15.0, "{} dB is no picture of it", cost.cloud);
-        assert!(cost.between > 36.0, "the pictures differ by {:.1} dB", cost.between);
+        assert!(cost.between > 50.0, "the pictures differ by {:.1} dB", cost.between);
         assert!(cost.cloud - cost.file <= 0.3, "{cost:?}");
     }
 }

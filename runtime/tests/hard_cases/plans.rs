@@ -155,15 +155,15 @@ fn a_plan_of_counts_takes_no_more_than_there_is() {
 /// k Gaussians are those of ranks 0..k, whatever block they stand in, and their scales are √(N / k) wider.
 #[test]
 fn a_prefix_is_the_lowest_ranks() {
-    // Place in its block as the height above the triangle, block as the place along x.
+    // Block and group as the place along x, place in the group along y: both are exact codes.
     let layers = [90, 4200];
     let mut discs = Vec::new();
     let mut ranks = Vec::new();
     for (block, (_, first, count)) in order::blocks(&layers).enumerate() {
         for place in 0..count {
-            // Ranges span 256 places, so that heights are exact codes.
-            discs.push(Disc { position: [block as f32, 0.0, place as f32], ..DOT });
-            ranks.push((first + order::rank(place, count), block, place));
+            let (x, y) = (block as u32 * 32 + place / 256, place % 256);
+            discs.push(Disc { position: [x as f32, y as f32, 0.0], ..DOT });
+            ranks.push((first + order::rank(place, count), x, y));
         }
     }
     let mut source = sheet(&discs);
@@ -175,10 +175,10 @@ fn a_prefix_is_the_lowest_ranks() {
         let found = selected(&avatar, &Plan::with_budget(&avatar, count));
         let places: Vec<_> = found
             .iter()
-            .map(|disc| (disc.position[0].round() as usize, disc.position[2].round() as u32))
+            .map(|disc| (disc.position[0].round() as u32, disc.position[1].round() as u32))
             .collect();
         let expected: Vec<_> =
-            ranks.iter().filter(|(rank, ..)| *rank < count).map(|&(_, b, p)| (b, p)).collect();
+            ranks.iter().filter(|(rank, ..)| *rank < count).map(|&(_, x, y)| (x, y)).collect();
         assert_eq!(places, expected, "the first {count}");
         let widening = (4290.0 / count as f32).sqrt();
         assert!(found.iter().all(|d| (d.log2_scale[0].exp2() * 8.0 / widening - 1.0).abs() < 1e-5));

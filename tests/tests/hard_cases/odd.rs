@@ -37,23 +37,23 @@ fn joints_and_weights() {
         joint
     };
     check([
-        joints("upright", IDENTITY, upper(), 0.0).shows(480, 1419),
-        joints("the upper joint is no number", IDENTITY, [[NAN; 4]; 3], 0.0).shows(127, 467),
+        joints("upright", IDENTITY, upper(), 0.0).shows(480, 1415),
+        joints("the upper joint is no number", IDENTITY, [[NAN; 4]; 3], 0.0).shows(127, 463),
         joints("one number of the upper joint is none", IDENTITY, with(1, 1, NAN), 0.0)
-            .shows(127, 467),
+            .shows(127, 463),
         joints("the upper joint is infinitely high", IDENTITY, with(1, 3, INFINITE), 0.0)
-            .shows(127, 467),
+            .shows(127, 463),
         joints("the upper joint is infinitely wide", IDENTITY, with(0, 0, -INFINITE), 0.0)
-            .shows(127, 467),
+            .shows(127, 463),
         // The upper end hangs on the upper joint alone.
         joints("the lower joint is no number", [[NAN; 4]; 3], upper(), 0.0).shows(114, 457),
         joints("no joint is a number", [[NAN; 4]; 3], [[NAN; 4]; 3], 0.0),
-        joints("a weight that is no number", IDENTITY, upper(), NAN).shows(335, 1137),
-        joints("an infinite weight", IDENTITY, upper(), INFINITE).shows(335, 1137),
-        joints("a weight of −infinity", IDENTITY, upper(), -INFINITE).shows(335, 1137),
+        joints("a weight that is no number", IDENTITY, upper(), NAN).shows(335, 1133),
+        joints("an infinite weight", IDENTITY, upper(), INFINITE).shows(335, 1133),
+        joints("a weight of −infinity", IDENTITY, upper(), -INFINITE).shows(335, 1133),
         // Vertices are finite, but 5e37 m away: the squares of their discs' axes are not.
-        joints("the greatest weight", IDENTITY, upper(), f32::MAX).shows(335, 1137),
-        joints("a denormal weight", IDENTITY, upper(), 1e-45).shows(480, 1419),
+        joints("the greatest weight", IDENTITY, upper(), f32::MAX).shows(335, 1133),
+        joints("a denormal weight", IDENTITY, upper(), 1e-45).shows(480, 1415),
     ]);
 }
 
@@ -70,14 +70,14 @@ fn clips_and_vertices() {
         ribbon(name).standing(Stand::Vertices((0..count).map(vertex).collect()))
     };
     check([
-        clip("the start of a clip", 0.0).shows(480, 1419),
-        clip("a clip at a time that is no number", NAN).shows(480, 1419),
-        clip("a clip before all times", -INFINITE).shows(480, 1419),
-        clip("the end of a clip", 1.0).shows(480, 1576),
-        clip("a clip after all times", INFINITE).shows(480, 1576),
-        vertices("one vertex is no number", &|i| (i == 12).then_some(NAN)).shows(429, 1381),
+        clip("the start of a clip", 0.0).shows(480, 1415),
+        clip("a clip at a time that is no number", NAN).shows(480, 1415),
+        clip("a clip before all times", -INFINITE).shows(480, 1415),
+        clip("the end of a clip", 1.0).shows(480, 1574),
+        clip("a clip after all times", INFINITE).shows(480, 1574),
+        vertices("one vertex is no number", &|i| (i == 12).then_some(NAN)).shows(429, 1379),
         vertices("one vertex is infinitely low", &|i| (i == 12).then_some(-INFINITE))
-            .shows(429, 1381),
+            .shows(429, 1379),
         vertices("every other vertex is no number", &|i| (i % 2 == 0).then_some(NAN)),
         vertices("no vertex is a number", &|_| Some(NAN)),
     ]);

@@ -35,17 +35,16 @@ pub fn choose(
     max_loss_db: f32,
 ) -> Result<Vec<DiscWidths>> {
     let layers = clouds.iter().map(|cloud| cloud.layers.len()).max().unwrap_or(0);
-    let mut chosen = vec![DiscWidths::default(); layers];
-    let count = |cloud: &Cloud, layer: usize| cloud.layers[..=layer].iter().sum::<u32>();
-    for layer in 0..layers {
-        let prefixes: Vec<Prefix> =
-            clouds.iter().map(|cloud| Prefix::of(count(cloud, layer), cloud)).collect();
-        let is_new = clouds.iter().any(|cloud| cloud.layers[layer] > 0);
-        if is_new && !problem.views.is_empty() {
-            let level = Level { clouds, problem, prefixes: &prefixes, layers };
-            chosen[layer] = level.choose(f64::from(max_loss_db))?;
+    let of_layer = |layer: usize| {
+        // An empty layer is no level.
+        if problem.views.is_empty() || clouds.iter().all(|cloud| cloud.layers[layer] == 0) {
+            return Ok(DiscWidths::default());
         }
-    }
+        let count = |cloud: &Cloud| cloud.layers[..=layer].iter().sum::<u32>();
+        let prefixes = clouds.iter().map(|cloud| Prefix::of(count(cloud), cloud)).collect();
+        Level { clouds, problem, prefixes, layers }.choose(f64::from(max_loss_db))
+    };
+    let mut chosen: Vec<DiscWidths> = (0..layers).map(of_layer).collect::<Result<_>>()?;
     if clouds.iter().all(|cloud| cloud.levels.len() < 2)
         && let Some(&last) = chosen.last()
     {
@@ -58,7 +57,7 @@ pub fn choose(
 struct Level<'a> {
     clouds: &'a [Cloud],
     problem: &'a Problem<'a>,
-    prefixes: &'a [Prefix],
+    prefixes: Vec<Prefix>,
     layers: usize,
 }
 
@@ -107,7 +106,7 @@ impl Level<'_> {
         let Problem { stages, low_pass, background, .. } = *self.problem;
         let picture = |view: &TrainingView| {
             let stage: &Stage = &stages[view.stage];
-            draw(clouds, self.prefixes, stage, &view.camera, low_pass, background).picture
+            draw(clouds, &self.prefixes, stage, &view.camera, low_pass, background).picture
         };
         self.views().collect::<Vec<_>>().into_par_iter().map(picture).collect()
     }
