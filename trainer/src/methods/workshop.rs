@@ -47,6 +47,8 @@ pub struct Workshop<'a> {
     views: Vec<TrainingView>,
     pub(super) random: Random,
     steps: u32,
+    /// What the last descent ended with.
+    widths: Option<Vec<DiscWidths>>,
     journal: Option<&'a mut Journal>,
 }
 
@@ -90,6 +92,7 @@ impl<'a> Workshop<'a> {
             views,
             random,
             steps: 0,
+            widths: None,
             journal: None,
         })
     }
@@ -109,9 +112,14 @@ impl<'a> Workshop<'a> {
         culling::measure(clouds, &self.problem())
     }
 
-    /// Bits of the file's numbers, layer by layer.
+    /// Bits of the file's numbers, layer by layer: those that the last steps of the last descent drew with, if they are
+    /// of as many layers.
     pub fn widths(&self, clouds: &[Cloud]) -> Result<Vec<DiscWidths>> {
-        precision::choose(clouds, &self.problem(), self.options.max_loss_db)
+        let layers = clouds.iter().map(|cloud| cloud.layers.len()).max();
+        match &self.widths {
+            Some(widths) if layers == Some(widths.len()) => Ok(widths.clone()),
+            _ => precision::choose(clouds, &self.problem(), self.options.max_loss_db),
+        }
     }
 
     /// How much each region matters, which moves in `clips` and of which views have `seen` so much.
@@ -244,7 +252,8 @@ impl<'a> Workshop<'a> {
         if let Some(journal) = &mut journal {
             journal.finish(&descent)?;
         }
-        let (clouds, random) = descent.finish();
+        let (clouds, random, widths) = descent.finish();
+        self.widths = widths;
         self.steps += schedule.steps;
         self.random = random;
         self.journal = journal;

@@ -141,9 +141,9 @@ impl<'a> Descent<'a> {
             || self.clouds.iter().all(Cloud::is_empty)
     }
 
-    /// The clouds as they are, and the numbers that come next.
-    pub fn finish(self) -> (Vec<Cloud>, Random) {
-        (self.clouds, self.random)
+    /// The clouds as they are, the numbers that come next, and the bits that the last steps drew with, if any did.
+    pub fn finish(self) -> (Vec<Cloud>, Random, Option<Vec<DiscWidths>>) {
+        (self.clouds, self.random, self.widths)
     }
 
     /// Where it is.

@@ -13,12 +13,12 @@ use rayon::prelude::*;
 use super::cloud::{Cloud, Prefix};
 use super::descend::Problem;
 use super::forward::{Stage, draw};
-use super::rounding::as_stored;
+use super::rounding::level_as_stored;
 use crate::picture::Picture;
 use crate::truth::{Scratch, TrainingView};
 
-/// Views that decide, evenly spread over all.
-const VIEWS: usize = 6;
+/// Views that decide, evenly spread over all: they are seen of a dozen pictures each at every level.
+const VIEWS: usize = 4;
 
 /// Bits of the number that is measured; enough for its error to be small, few enough for it to be far above that of 8.
 const PROBE: u8 = 5;
@@ -64,14 +64,18 @@ struct Level<'a> {
 impl Level<'_> {
     fn choose(&self, max_loss_db: f64) -> Result<DiscWidths> {
         let exact = self.pictures(self.clouds);
+        let mut clouds = self.clouds.to_vec();
         let allowed = self.error(&exact)? * (10f64.powf(max_loss_db / 10.0) - 1.0);
-        let rounded = |widths: DiscWidths| -> Result<f64> {
-            let clouds: Result<Vec<Cloud>> = self
-                .clouds
-                .iter()
-                .map(|cloud| as_stored(cloud, &vec![widths; self.layers]))
-                .collect();
-            Ok(mean_square(&exact, &self.pictures(&clouds?)))
+        let mut rounded = |widths: DiscWidths| -> Result<f64> {
+            // A whole level: no other one is drawn.
+            let all = self.clouds.iter().zip(&self.prefixes).zip(&mut clouds);
+            for ((cloud, prefix), rounded) in all {
+                if let Some(level) = cloud.levels.get(prefix.level) {
+                    let widths = vec![widths; self.layers];
+                    rounded.levels[prefix.level] = level_as_stored(cloud, level, &widths)?;
+                }
+            }
+            Ok(mean_square(&exact, &self.pictures(&clouds)))
         };
         let finest = rounded(DiscWidths::default())?;
         let costs: Vec<f64> = NUMBERS

@@ -22,7 +22,8 @@ pub fn as_stored(cloud: &Cloud, widths: &[DiscWidths]) -> Result<Cloud> {
     Ok(Cloud { levels: levels.collect::<Result<_>>()?, ..cloud.clone() })
 }
 
-fn level_as_stored(
+/// One level of `cloud`, as [`as_stored`] gives all of them.
+pub(super) fn level_as_stored(
     cloud: &Cloud,
     level: &[Parameters],
     widths: &[DiscWidths],
