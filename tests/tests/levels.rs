@@ -169,7 +169,9 @@ fn levels_that_differ_in_opacity_alone_are_packed_as_opacities() {
     let padded = Avatar::parse(&bytes).expect("a valid file");
     for level in &cloud.levels {
         let count = level.len() as u32;
-        assert_eq!(drawn(&padded, count), drawn(&avatar, count));
+        // An opacity of the record's own range there, in 1/255 here.
+        let psnr = between(&drawn(&padded, count), &drawn(&avatar, count));
+        assert!(psnr > 50.0, "{count} Gaussians: {psnr:.1} dB");
     }
 }
 
@@ -200,5 +202,5 @@ fn levels_are_counted_where_they_are_needed() {
         let count = cloud.levels[level].len() as u32;
         assert_eq!(bytes_of(&avatar, &Plan::with_budget(&avatar, count)), ends_at(layer));
     }
-    assert_eq!(bytes_of(&avatar, &Plan::with_budget(&avatar, u32::MAX)), bytes.len());
+    assert_eq!(bytes_of(&avatar, &Plan::with_budget(&avatar, u32::MAX)), ends_at(3));
 }
