@@ -43,6 +43,9 @@ impl<'a> Avatar<'a> {
         if let Some(error) = cut {
             return Err(error);
         }
+        if let Some(place) = avatar.incomplete(&counts) {
+            return malformed(place, MISSING);
+        }
         counts.levels.as_ref().map_or(Ok(()), LevelOrder::end)?;
         avatar.check(&counts)?;
         if counts.clips != usize::from(avatar.header.clips) {
@@ -61,15 +64,13 @@ impl<'a> Avatar<'a> {
     /// Lengths of regions and layers stay the file's; [`Self::present`] says what is there.
     pub fn parse_prefix(bytes: &'a [u8]) -> Result<Self, Error> {
         let Scanned { avatar, counts, cut } = Scanned::new(bytes)?;
-        match avatar.check(&counts) {
-            // What is missing is behind the cut.
-            Err(Error::Malformed { cause: MISSING, .. }) => Err(cut.unwrap_or(Error::Truncated {
-                place: "mesh and rig",
-                needed: bytes.len() as u64 + 1,
-                present: bytes.len() as u64,
-            })),
-            other => other.map(|()| avatar),
+        if let Some(place) = avatar.incomplete(&counts) {
+            // It is behind the cut, or behind the end.
+            let present = bytes.len() as u64;
+            return Err(cut.unwrap_or(Error::Truncated { place, needed: present + 1, present }));
         }
+        avatar.check(&counts)?;
+        Ok(avatar)
     }
 
     fn without_sections(header: Header, bytes: &'a [u8], sections: Sections<'a>) -> Self {
@@ -179,7 +180,8 @@ impl<'a> Avatar<'a> {
             .then_some(())
     }
 
-    fn check(&self, counts: &Counts<'_>) -> Result<(), Error> {
+    /// A part of mesh, rig or regions that is not there, or not as long as the header says.
+    fn incomplete(&self, counts: &Counts<'_>) -> Option<&'static str> {
         let header = &self.header;
         let layers = usize::from(header.regions) * usize::from(header.layers);
         let lengths = [
@@ -196,10 +198,13 @@ impl<'a> Avatar<'a> {
             (Names { rest: self.regions }.count(), usize::from(header.regions), "REGN"),
             (counts.morph_targets, usize::from(header.morph_targets), "MRPH"),
         ];
-        if let Some((_, _, place)) = lengths.iter().find(|(found, expected, _)| found != expected) {
-            return malformed(place, MISSING);
-        }
-        if counts.clips > usize::from(header.clips) {
+        let other = lengths.into_iter().find(|(found, expected, _)| found != expected);
+        other.map(|(_, _, place)| place)
+    }
+
+    /// Whether all parts that are there fit each other.
+    fn check(&self, counts: &Counts<'_>) -> Result<(), Error> {
+        if counts.clips > usize::from(self.header.clips) {
             return malformed("CLIP", "there are more than the header says");
         }
         self.check_rig()?;

@@ -428,7 +428,9 @@ fn json_has_the_keys_of_the_design() {
     let whole = &rows[2];
 
     // The first bytes alone: the last block is missing, or nothing is.
-    let eval = json(&folder, "eval b.dermis --mesh mesh.glb --size 24 --views 2 --prefix 80,100");
+    let shares = "--size 24 --views 2 --prefix 2,80,100";
+    let eval = json(&folder, &format!("eval b.dermis --mesh mesh.glb {shares}"));
+    assert_eq!(eval["too_short"].as_array().expect("2 % is").as_slice(), [2.0]);
     let rows = eval["rows"].as_array().expect("rows are a list");
     let of = |key: &str| -> Vec<_> { rows.iter().map(|row| row[key].clone()).collect() };
     assert_eq!(of("prefix"), [80.0, 100.0]);
@@ -436,7 +438,7 @@ fn json_has_the_keys_of_the_design() {
     let len = fs::metadata(folder.join("b.dermis")).expect("it is there").len();
     assert!(rows[0]["bytes"].as_u64() <= Some(len * 4 / 5) && rows[1]["bytes"] == len);
     assert_eq!(rows[1]["psnr_foreground_db"], whole["psnr_foreground_db"]);
-    fails(&folder, "eval b.dermis --mesh mesh.glb --prefix 2", &["b.dermis: ", "(2 %)", "; "]);
+    fails(&folder, "eval b.dermis --mesh mesh.glb --prefix 2", &["b.dermis: ", " 2 %", "; "]);
     assert_eq!(names(&folder), ["a.dermis", "a.png", "b.dermis", "mesh.glb"]);
 }
 

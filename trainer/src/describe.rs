@@ -1,5 +1,6 @@
 //! What a file holds, byte by byte.
 
+use dermis_format::Records;
 use dermis_format::section::{self, preamble};
 use dermis_runtime::Avatar;
 use serde::Serialize;
@@ -34,6 +35,9 @@ pub struct Layer {
     pub gaussians: u32,
     /// Of its blocks, and of what earlier layers have of their own at its level.
     pub bytes: usize,
+    /// Bits of a disc's record; none of an empty layer, or of Gaussians with three scales.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bits_per_disc: Option<u32>,
 }
 
 /// A region.
@@ -141,6 +145,10 @@ fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
             .map(|r| avatar.layer_len(r, usize::from(layer)))
             .sum(),
         bytes: blocks.map(|(s, _)| s).chain(levels.map(|(s, _)| s)).map(len).sum(),
+        bits_per_disc: avatar.blocks().filter(|block| block.layer == layer).find_map(|block| {
+            let Records::Disc(discs) = block.records else { return None };
+            Some(discs.layout().bits())
+        }),
     }
 }
 

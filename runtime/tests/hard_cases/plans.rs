@@ -214,7 +214,7 @@ fn opacities_follow_the_level() {
             expected.push(if arriving { 0.2 } else { (1.0 - t) * o[layer][at] + t * later });
         }
         assert_eq!(found.len(), expected.len(), "level {level}");
-        let near = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-5);
+        let near = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 2e-6);
         assert!(near, "level {level}: {found:?}, expected {expected:?}");
     }
 }

@@ -50,6 +50,10 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     };
     let evaluation =
         super::with_avatar(&arguments.file, |avatar| evaluate(avatar, &model, &options))?;
+    for percent in &evaluation.too_short {
+        let name = arguments.file.display();
+        eprintln!("{name}: mesh and rig do not end within its first {percent} %: no picture yet");
+    }
     super::print(common, &evaluation, text)
 }
 

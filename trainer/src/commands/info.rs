@@ -34,8 +34,10 @@ pub(crate) fn text(info: &Info) -> String {
         mesh.vertices, mesh.triangles, mesh.two_sided, mesh.joints, mesh.morph_targets
     );
     for (level, layer) in info.layers.iter().enumerate() {
-        let _ =
-            writeln!(out, "layer   {level}: {} Gaussians, {} bytes", layer.gaussians, layer.bytes);
+        let bits =
+            layer.bits_per_disc.map_or(String::new(), |bits| format!(", {bits} bits a disc"));
+        let (gaussians, bytes) = (layer.gaussians, layer.bytes);
+        let _ = writeln!(out, "layer   {level}: {gaussians} Gaussians, {bytes} bytes{bits}");
     }
     for region in &info.regions {
         let _ = write!(

@@ -126,13 +126,16 @@ pub struct Evaluation {
     pub views: usize,
     /// By split, then by count.
     pub rows: Vec<Row>,
+    /// Of the shares that were asked for, in percent, those in which mesh and rig do not end.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub too_short: Vec<f32>,
 }
 
 /// Measures `avatar` against `model`.
 pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Result<Evaluation> {
     check_same(avatar, model)?;
-    let measured = if options.prefixes.is_empty() {
-        plans(avatar, &options.budgets)
+    let (measured, too_short) = if options.prefixes.is_empty() {
+        (plans(avatar, &options.budgets), Vec::new())
     } else {
         prefixes(avatar, &options.prefixes)?
     };
@@ -151,7 +154,8 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
         let sums = measure(avatar, &painter, frames, split, &measured, options)?;
         rows.extend(measured.iter().zip(sums).map(|(one, sum)| one.row(split, &sum)));
     }
-    Ok(Evaluation { views: novel.len() * directions(Split::NovelView, options).len(), rows })
+    let views = novel.len() * directions(Split::NovelView, options).len();
+    Ok(Evaluation { views, rows, too_short })
 }
 
 /// Refuses a mesh that the avatar was not trained on, as far as what is measured needs it: key
@@ -219,17 +223,26 @@ fn plans<'a>(avatar: &Avatar<'a>, budgets: &[u32]) -> Vec<Measured<'a>> {
     plans
 }
 
-/// All Gaussians in shares of the file's bytes.
-fn prefixes<'a>(avatar: &Avatar<'a>, percents: &[f32]) -> Result<Vec<Measured<'a>>> {
-    let of = |&percent: &f32| {
-        let bytes = avatar.bytes();
+/// All Gaussians in shares of the file's bytes, and the shares in which mesh and rig do not end.
+fn prefixes<'a>(avatar: &Avatar<'a>, percents: &[f32]) -> Result<(Vec<Measured<'a>>, Vec<f32>)> {
+    let bytes = avatar.bytes();
+    let (mut measured, mut too_short) = (Vec::new(), Vec::new());
+    for &percent in percents {
         let len = (bytes.len() as f64 * f64::from(percent) / 100.0).round() as usize;
-        let avatar = Avatar::parse_prefix(&bytes[..len.min(bytes.len())])
-            .with_context(|| format!("its first {len} bytes ({percent} %)"))?;
+        // All of the file is valid: what can be wrong with a share of it is its end.
+        let Ok(avatar) = Avatar::parse_prefix(&bytes[..len.min(bytes.len())]) else {
+            too_short.push(percent);
+            continue;
+        };
         let plan = Plan::with_budget(&avatar, u32::MAX);
-        Ok(Measured { avatar, budget: None, prefix: Some(percent), plan })
-    };
-    percents.iter().map(of).collect()
+        measured.push(Measured { avatar, budget: None, prefix: Some(percent), plan });
+    }
+    ensure!(
+        !measured.is_empty(),
+        "mesh and rig do not end within its first {} %; give a greater --prefix",
+        percents.iter().copied().fold(0.0, f32::max)
+    );
+    Ok((measured, too_short))
 }
 
 impl Measured<'_> {

@@ -190,6 +190,8 @@ impl<'a> Workshop<'a> {
         let cloud = Cloud::arrange(vec![seeds.len() as u32], &seeds);
         let mut schedule = options.schedule(Prefixes::All);
         schedule.steps = options.survey_steps;
+        // No file holds it.
+        schedule.finish = 0.0;
         let cloud = self.descend_one(cloud, &schedule)?;
         let problem = self.problem();
         let residuals = residual::by_triangles(&[cloud], &problem, self.surface.len())?;

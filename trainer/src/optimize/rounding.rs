@@ -2,8 +2,8 @@
 //!
 //! Training that ends on rounded Gaussians matches the picture of the file; the gradient passes straight through the
 //! rounding to the numbers before it (the straight-through estimator; Bengio, Léonard and Courville 2013). Ranges and codes
-//! are the writer's own, of the cloud as it is at each step. With the bits that [`super::precision`] chooses it wins 0.15 dB at the coarsest
-//! levels and loses 0.01 of all Gaussians (notes/training.md).
+//! are the writer's own, of the cloud as it is at each step. With the bits that [`super::precision`] chooses it wins
+//! 0.15 dB at the coarsest levels and loses 0.01 of all Gaussians (notes/training.md).
 
 use anyhow::{Context, Result};
 use dermis_format::{Disc, DiscWidths, order, writer};
