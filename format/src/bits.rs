@@ -2,7 +2,7 @@
 
 /// `N` bytes from byte `at` on; zeros beyond the end.
 #[inline]
-fn chunk<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
+pub(crate) fn chunk<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
     let rest = bytes.get(at..).unwrap_or(&[]);
     if let Some(chunk) = rest.first_chunk() {
         return *chunk;
@@ -22,6 +22,57 @@ pub(crate) fn window(bytes: &[u8], at: usize) -> u128 {
 #[inline]
 pub(crate) fn bits(bytes: &[u8], at: usize, width: u32) -> u32 {
     u32::from_le_bytes(chunk(bytes, at / 8)) >> (at % 8) & mask(width)
+}
+
+/// Reads numbers of any width one after the other; zeros beyond the end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bits<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Bits<'a> {
+    /// From the first bit on.
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// The next `width` bits, at most 25.
+    #[inline]
+    pub(crate) fn take(&mut self, width: u32) -> u32 {
+        let number = bits(self.bytes, self.at, width);
+        self.at = self.at.saturating_add(width as usize);
+        number
+    }
+
+    /// Whether more was taken than is there.
+    pub(crate) fn is_overdrawn(&self) -> bool {
+        self.at.div_ceil(8) > self.bytes.len()
+    }
+}
+
+/// Flips the bits of `number`, of at most 25, from bit `at` on: writes it where zeros stand. Nothing beyond the end.
+#[inline]
+pub(crate) fn flip(bytes: &mut [u8], at: usize, number: u32) {
+    let shifted = number << (at % 8);
+    let Some(rest) = bytes.get_mut(at / 8..) else { return };
+    if let Some(window) = rest.first_chunk_mut() {
+        *window = (u32::from_le_bytes(*window) ^ shifted).to_le_bytes();
+    } else {
+        rest.iter_mut().zip(shifted.to_le_bytes()).for_each(|(to, from)| *to ^= from);
+    }
+}
+
+/// The same for a number of at most 121 bits.
+#[inline]
+pub(crate) fn flip_wide(bytes: &mut [u8], at: usize, number: u128) {
+    let shifted = number << (at % 8);
+    let Some(rest) = bytes.get_mut(at / 8..) else { return };
+    if let Some(window) = rest.first_chunk_mut() {
+        *window = (u128::from_le_bytes(*window) ^ shifted).to_le_bytes();
+    } else {
+        rest.iter_mut().zip(shifted.to_le_bytes()).for_each(|(to, from)| *to ^= from);
+    }
 }
 
 /// The lowest `width` bits, at most 31.
@@ -58,6 +109,11 @@ impl BitWriter {
             }
             self.len += 1;
         }
+    }
+
+    /// Bits that are written.
+    pub(crate) fn len(&self) -> usize {
+        self.len
     }
 
     /// What was written; the bits that fill the last byte are 0.

@@ -62,6 +62,28 @@ impl DiscLayout {
         self.words.iter().sum()
     }
 
+    /// Bits of each word.
+    pub(crate) fn word_bits(&self) -> [u32; 3] {
+        self.words
+    }
+
+    /// The record of codes, each as narrow as its number.
+    #[inline]
+    pub(crate) fn record(&self, codes: [u32; 10]) -> u128 {
+        let [x, y, z, angle, s, t, luma, orange, green, opacity] = codes;
+        let widths = self.widths.numbers().map(u32::from);
+        let word = |codes: &[u32], widths: &[u32]| {
+            let place = |(word, at): (u32, u32), (code, width): (&u32, &u32)| {
+                (word | code << (at & 31), at + width)
+            };
+            codes.iter().zip(widths).fold((0, 0), place).0
+        };
+        let [first, second, _] = self.words;
+        u128::from(word(&[x, y, z, angle], &widths[..4]))
+            | u128::from(word(&[s, t, luma, orange], &widths[4..8])) << first
+            | u128::from(word(&[green, opacity], &widths[8..])) << (first + second)
+    }
+
     /// Every number of a record: `field(word, shift, mask)` takes one out of a word.
     #[inline(always)]
     pub fn codes<F>(&self, field: impl Fn(usize, u32, u32) -> F) -> Disc<F> {
@@ -105,6 +127,11 @@ impl<'a> Discs<'a> {
         let bytes = bytes_for(len.checked_mul(layout.bits() as usize)?);
         let fits = groups.len() == len.div_ceil(GROUP_LEN) && records.len() == bytes;
         fits.then_some(Self { layout, groups, records, len })
+    }
+
+    /// All records, bit by bit.
+    pub(crate) fn records(&self) -> &'a [u8] {
+        self.records
     }
 
     /// Splits `len` discs off the front of a block's bytes. Lengths are checked, ranges are not.

@@ -33,6 +33,18 @@ pub enum Error {
         /// The version in the file.
         found: u16,
     },
+    /// A version of the packed form that this crate does not read.
+    PackedVersion {
+        /// The version in the file.
+        found: u16,
+    },
+    /// The caller's memory is less than the unpacked file.
+    Room {
+        /// Bytes of the file.
+        needed: u64,
+        /// Bytes of the memory.
+        present: u64,
+    },
 }
 
 impl fmt::Display for Error {
@@ -54,6 +66,15 @@ impl fmt::Display for Error {
                     "{place}: the checksum does not match; the file is damaged, copy it again"
                 )
             }
+            Self::PackedVersion { found } => write!(
+                f,
+                "version {found} of the packed form is not supported (this reads version {}); update Dermis",
+                crate::packed::VERSION
+            ),
+            Self::Room { needed, present } => write!(
+                f,
+                "the unpacked file has {needed} bytes, and there is room for {present}; lend more memory"
+            ),
             Self::Version { found } => {
                 let remedy =
                     if found > VERSION { "update Dermis" } else { "train or convert again" };

@@ -25,6 +25,7 @@ pub mod header;
 pub mod level;
 mod level_order;
 pub mod order;
+pub mod packed;
 pub mod quant;
 pub mod record;
 pub mod rig;

@@ -22,6 +22,13 @@ pub struct Disc<F = f32> {
 }
 
 impl<F: Copy> Disc<F> {
+    /// All ten, in the order of a record.
+    pub fn numbers(self) -> [F; 10] {
+        let ([x, y, z], [s, t], [luma, orange, green]) =
+            (self.position, self.log2_scale, self.color);
+        [x, y, z, self.angle, s, t, luma, orange, green, self.opacity]
+    }
+
     /// A disc of other numbers.
     pub fn map<G>(self, f: impl Fn(F) -> G) -> Disc<G> {
         Disc {

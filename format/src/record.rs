@@ -237,6 +237,14 @@ pub struct DiscWidths {
     pub opacity: u8,
 }
 
+impl DiscWidths {
+    /// As the numbers stand in a record.
+    pub fn numbers(&self) -> [u8; 10] {
+        let ([x, y, z], [luma, orange, green]) = (self.position, self.color);
+        [x, y, z, self.angle, self.scale, self.scale, luma, orange, green, self.opacity]
+    }
+}
+
 /// Ranges that up to 256 discs of a block share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -105,6 +105,7 @@ fn whole_path(path: &Path) -> f64 {
         background,
         budgets: Vec::new(),
         prefixes: Vec::new(),
+        packed: None,
     };
     let evaluation = evaluate(&avatar, &model, &options).unwrap_or_else(|error| named(&error));
     let mut novel = evaluation.rows.iter().filter(|row| row.split == Split::NovelView);

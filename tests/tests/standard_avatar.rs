@@ -27,6 +27,7 @@ fn the_draft_of_a_real_human_is_as_good_as_promised() {
         background: [1.0; 3],
         budgets: vec![20_000],
         prefixes: Vec::new(),
+        packed: None,
     };
     let evaluation = evaluate(&avatar, &model, &measure).expect("it can be measured");
     let rows = |split| evaluation.rows.iter().filter(move |row| row.split == split);

@@ -70,6 +70,7 @@ fn measured(model: &Model, trained: &Trained, budgets: &[u32]) -> Evaluation {
         background: WHITE,
         budgets: budgets.to_vec(),
         prefixes: Vec::new(),
+        packed: None,
     };
     evaluate(&avatar, model, &options).expect("it can be measured")
 }

@@ -41,6 +41,10 @@ enum Command {
     Convert(commands::convert::Arguments),
     /// Writes posed Gaussians as a file of other programs.
     Export(commands::export::Arguments),
+    /// Packs an avatar for the wire: the same bytes come out of `unpack`, and every command reads packed files, too.
+    Pack(commands::pack::Arguments),
+    /// Unpacks a packed avatar: the bytes that were packed.
+    Unpack(commands::unpack::Arguments),
     /// Prints what a file holds, byte by byte.
     Info(commands::info::Arguments),
     /// Draws one picture.
@@ -80,6 +84,8 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Train(arguments) => commands::train::run(arguments, &cli.common),
         Command::Convert(arguments) => commands::convert::run(arguments, &cli.common),
         Command::Export(arguments) => commands::export::run(arguments, &cli.common),
+        Command::Pack(arguments) => commands::pack::run(arguments, &cli.common),
+        Command::Unpack(arguments) => commands::unpack::run(arguments, &cli.common),
         Command::Info(arguments) => commands::info::run(arguments, &cli.common),
         Command::Render(arguments) => commands::render::run(arguments, &cli.common),
         Command::Eval(arguments) => commands::eval::run(arguments, &cli.common),

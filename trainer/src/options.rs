@@ -69,7 +69,7 @@ pub struct Options {
 }
 
 /// Loss that nobody sees, for two thirds of the bits of 8 each; of all Gaussians the last steps win most of it back.
-pub const MAX_LOSS_DB: f32 = 0.1;
+pub const MAX_LOSS_DB: f32 = 0.25;
 
 impl Options {
     /// Of a preset.

@@ -32,6 +32,7 @@ fn a_mesh_with_other_clips_is_refused() {
         background: [1.0; 3],
         budgets: Vec::new(),
         prefixes: Vec::new(),
+        packed: None,
     };
     let fails = |model: &_, part: &str| {
         let error = format!("{:#}", evaluate(&avatar, model, &measure).expect_err(part));

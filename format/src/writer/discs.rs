@@ -23,7 +23,12 @@ pub(super) fn disc_bytes(discs: &[Disc], widths: DiscWidths) -> Result<Vec<u8>, 
 /// Records of codes, of each the lowest bits.
 pub fn packed(codes: &[Disc<u16>], widths: DiscWidths) -> Vec<u8> {
     let mut records = BitWriter::default();
-    codes.iter().for_each(|codes| write_record(&mut records, codes, widths));
+    let widths = widths.numbers();
+    for codes in codes {
+        for (code, bits) in codes.numbers().into_iter().zip(widths) {
+            records.push(code.into(), bits.into());
+        }
+    }
     records.finish()
 }
 
@@ -65,28 +70,6 @@ fn group_of(discs: &[Disc], widths: DiscWidths) -> Result<DiscGroup, EncodeError
         color: [color(0)?, color(1)?, color(2)?],
         opacity: spanning(discs.iter().map(|d| d.opacity), widths.opacity)?,
     })
-}
-
-/// The numbers of a record in the order in which they stand.
-fn write_record(records: &mut BitWriter, codes: &Disc<u16>, widths: DiscWidths) {
-    let ([x, y, z], [s, t], [luma, orange, green]) =
-        (codes.position, codes.log2_scale, codes.color);
-    let [x_bits, y_bits, z_bits] = widths.position;
-    let [luma_bits, orange_bits, green_bits] = widths.color;
-    for (code, bits) in [
-        (x, x_bits),
-        (y, y_bits),
-        (z, z_bits),
-        (codes.angle, widths.angle),
-        (s, widths.scale),
-        (t, widths.scale),
-        (luma, luma_bits),
-        (orange, orange_bits),
-        (green, green_bits),
-        (codes.opacity, widths.opacity),
-    ] {
-        records.push(code.into(), bits.into());
-    }
 }
 
 /// Far below the greatest f32, near which ranges end; the reader refuses less (SPEC, section 7).

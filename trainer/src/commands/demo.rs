@@ -69,6 +69,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         background: WHITE,
         budgets: BUDGETS.to_vec(),
         prefixes: Vec::new(),
+        packed: None,
     };
     let evaluation = evaluate(&avatar, &model, &measure)?;
     let galleries = galleries(&avatar, &model, out)?;

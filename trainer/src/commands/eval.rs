@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
+use dermis_format::packed;
 use dermis_trainer::eval::{EvalOptions, Evaluation, Row, evaluate};
-use dermis_trainer::import;
+use dermis_trainer::{import, output};
 
 use crate::Common;
 
@@ -40,6 +41,7 @@ fn percent(text: &str) -> Result<f32, String> {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let model = import::load(&arguments.mesh)?;
+    let bytes = output::read(&arguments.file)?;
     let options = EvalOptions {
         key_frames: arguments.keyframes,
         views: arguments.views,
@@ -47,6 +49,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         background: [1.0; 3],
         budgets: arguments.budgets.clone(),
         prefixes: arguments.prefix.clone(),
+        packed: packed::is_packed(&bytes).then_some(bytes),
     };
     let evaluation =
         super::with_avatar(&arguments.file, |avatar| evaluate(avatar, &model, &options))?;

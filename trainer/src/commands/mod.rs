@@ -8,24 +8,37 @@ pub(crate) mod eval;
 pub(crate) mod export;
 pub(crate) mod info;
 pub(crate) mod options;
+pub(crate) mod pack;
 pub(crate) mod regions;
 pub(crate) mod render;
 pub(crate) mod reproduce;
 pub(crate) mod train;
+pub(crate) mod unpack;
 
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use clap::CommandFactory;
+use dermis_format::packed;
 use dermis_runtime::Avatar;
 use serde::Serialize;
 
 use crate::Common;
 
+/// The bytes of an avatar, unpacked if they are packed.
+fn avatar_bytes(path: &Path) -> Result<Vec<u8>> {
+    let bytes = dermis_trainer::output::read(path)?;
+    if packed::is_packed(&bytes) {
+        packed::unpack(&bytes).with_context(|| path.display().to_string())
+    } else {
+        Ok(bytes)
+    }
+}
+
 /// Reads a file's bytes as an avatar and hands it on.
 fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Result<T> {
-    let bytes = dermis_trainer::output::read(path)?;
+    let bytes = avatar_bytes(path)?;
     let avatar = Avatar::parse(&bytes).with_context(|| path.display().to_string())?;
     act(&avatar).with_context(|| path.display().to_string())
 }

@@ -9,6 +9,7 @@
 pub mod reference;
 
 use anyhow::{Context, Result, ensure};
+use dermis_format::packed;
 use dermis_format::section::{self, Sections};
 use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
 use serde::Serialize;
@@ -35,6 +36,8 @@ pub struct EvalOptions {
     pub budgets: Vec<u32>,
     /// Shares of the file's bytes, its first ones, to measure in place of levels and budgets, in percent.
     pub prefixes: Vec<f32>,
+    /// The file's packed form, of whose bytes shares are to be; none: of the file's own.
+    pub packed: Option<Vec<u8>>,
 }
 
 /// Poses that were trained on or not.
@@ -137,7 +140,7 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
     let (measured, too_short) = if options.prefixes.is_empty() {
         (plans(avatar, &options.budgets), Vec::new())
     } else {
-        prefixes(avatar, &options.prefixes)?
+        prefixes(avatar, options)?
     };
     let painter = Painter::new(model);
     let trained = trained_key_frames(avatar);
@@ -207,7 +210,8 @@ fn directions(split: Split, options: &EvalOptions) -> Vec<glam::Vec3> {
 struct Measured<'a> {
     avatar: Avatar<'a>,
     budget: Option<u32>,
-    prefix: Option<f32>,
+    /// Percent of the file's bytes, and how many these are.
+    prefix: Option<(f32, usize)>,
     plan: Plan,
 }
 
@@ -224,18 +228,27 @@ fn plans<'a>(avatar: &Avatar<'a>, budgets: &[u32]) -> Vec<Measured<'a>> {
 }
 
 /// All Gaussians in shares of the file's bytes, and the shares in which mesh and rig do not end.
-fn prefixes<'a>(avatar: &Avatar<'a>, percents: &[f32]) -> Result<(Vec<Measured<'a>>, Vec<f32>)> {
-    let bytes = avatar.bytes();
+fn prefixes<'a>(
+    avatar: &Avatar<'a>,
+    options: &EvalOptions,
+) -> Result<(Vec<Measured<'a>>, Vec<f32>)> {
+    let (bytes, percents) = (avatar.bytes(), &options.prefixes);
+    let all = options.packed.as_deref().unwrap_or(bytes);
     let (mut measured, mut too_short) = (Vec::new(), Vec::new());
     for &percent in percents {
-        let len = (bytes.len() as f64 * f64::from(percent) / 100.0).round() as usize;
+        let share = (all.len() as f64 * f64::from(percent) / 100.0).round() as usize;
+        let share = share.min(all.len());
         // All of the file is valid: what can be wrong with a share of it is its end.
-        let Ok(avatar) = Avatar::parse_prefix(&bytes[..len.min(bytes.len())]) else {
+        let len = match &options.packed {
+            Some(packed) => packed::unpack_prefix(&packed[..share]).map_or(0, |file| file.len()),
+            None => share,
+        };
+        let Ok(avatar) = Avatar::parse_prefix(&bytes[..len]) else {
             too_short.push(percent);
             continue;
         };
         let plan = Plan::with_budget(&avatar, u32::MAX);
-        measured.push(Measured { avatar, budget: None, prefix: Some(percent), plan });
+        measured.push(Measured { avatar, budget: None, prefix: Some((percent, share)), plan });
     }
     ensure!(
         !measured.is_empty(),
@@ -252,10 +265,10 @@ impl Measured<'_> {
             split,
             level: self.plan.level(&self.avatar),
             budget: self.budget,
-            prefix: self.prefix,
+            prefix: self.prefix.map(|(percent, _)| percent),
             gaussians: self.plan.gaussians(),
             bytes: match self.prefix {
-                Some(_) => self.avatar.bytes().len(),
+                Some((_, bytes)) => bytes,
                 None => bytes_of(&self.avatar, &self.plan),
             },
             views: sum.pictures,

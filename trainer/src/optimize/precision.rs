@@ -4,10 +4,11 @@
 //! adds to the others', and falls by four for each bit. So each number's is measured once, at few bits, and bits go
 //! one by one to where they lessen the sum most, until it is small beside the squared error that the level has anyway. This
 //! is the allocation of bits of transform coding (Huang and Schultheiss 1963, whole bits as Fox 1966), with the picture
-//! as the judge. What was chosen is then drawn, and corrected where the rule was wrong.
+//! as the judge: the rule says in which order bits come, and the level is drawn to see how many of them it takes.
 
 use anyhow::Result;
 use dermis_format::DiscWidths;
+use dermis_format::discs::MOST_BITS;
 use rayon::prelude::*;
 
 use super::cloud::{Cloud, Prefix};
@@ -78,26 +79,23 @@ impl Level<'_> {
             Ok(mean_square(&exact, &self.pictures(&clouds)))
         };
         let finest = rounded(DiscWidths::default())?;
-        let costs: Vec<f64> = NUMBERS
-            .iter()
-            .map(|number| {
-                let mut widths = DiscWidths::default();
-                *(number.width)(&mut widths) = PROBE;
-                Ok((rounded(widths)? - finest).max(0.0) / unit_error(PROBE))
-            })
-            .collect::<Result<_>>()?;
-        // The rule's sum may be wrong by a little: what it allows is corrected twice by what it gave.
-        let mut target = allowed;
-        let mut widths = allocate(&costs, target);
-        for _ in 0..2 {
-            let found = rounded(widths)?;
-            if found <= allowed {
-                break;
+        let costs = NUMBERS.iter().map(|number| {
+            let mut widths = DiscWidths::default();
+            *(number.width)(&mut widths) = PROBE;
+            Ok((rounded(widths)? - finest).max(0.0) / unit_error(PROBE))
+        });
+        let path = by_gain(&costs.collect::<Result<Vec<f64>>>()?);
+        // The rule says in which order bits come, pictures how many.
+        let (mut low, mut high) = (0, path.len() - 1);
+        while low < high {
+            let middle = (low + high) / 2;
+            if rounded(path[middle])? <= allowed {
+                high = middle;
+            } else {
+                low = middle + 1;
             }
-            target *= allowed / found * 0.95;
-            widths = allocate(&costs, target);
         }
-        Ok(widths)
+        Ok(path[high])
     }
 
     fn views(&self) -> impl Iterator<Item = &TrainingView> {
@@ -162,29 +160,27 @@ fn unit_error(bits: u8) -> f64 {
     1.0 / (codes * codes)
 }
 
-/// The fewest bits for which the sum of the errors is at most `allowed`; 8 each if that is not to be had.
-fn allocate(costs: &[f64], allowed: f64) -> DiscWidths {
-    const MOST: u8 = dermis_format::discs::MOST_BITS;
-    let mut bits = [0u8; NUMBERS.len()];
-    let error = |index: usize, bits: u8| costs[index] * unit_error(bits);
-    loop {
-        let sum: f64 = bits.iter().enumerate().map(|(index, &bits)| error(index, bits)).sum();
-        let gain = |index: usize| {
-            let saved = error(index, bits[index]) - error(index, bits[index] + 1);
-            saved / f64::from(NUMBERS[index].times)
-        };
-        let free = (0..bits.len()).filter(|&index| bits[index] < MOST);
-        let best = free.max_by(|&a, &b| gain(a).total_cmp(&gain(b)));
-        match best {
-            Some(best) if sum > allowed => bits[best] += 1,
-            _ => break,
+/// No bits, then one more each time where it saves most of the error for its price, up to 8 each.
+fn by_gain(costs: &[f64]) -> Vec<DiscWidths> {
+    let widths = |bits: &[u8]| {
+        let mut widths = DiscWidths::default();
+        for (number, &bits) in NUMBERS.iter().zip(bits) {
+            *(number.width)(&mut widths) = bits;
         }
+        widths
+    };
+    let mut bits = [0; NUMBERS.len()];
+    let mut path = vec![widths(&bits)];
+    loop {
+        let gain = |index: usize| {
+            let saved = unit_error(bits[index]) - unit_error(bits[index] + 1);
+            costs[index] * saved / f64::from(NUMBERS[index].times)
+        };
+        let free = (0..bits.len()).filter(|&index| bits[index] < MOST_BITS);
+        let Some(best) = free.max_by(|&a, &b| gain(a).total_cmp(&gain(b))) else { return path };
+        bits[best] += 1;
+        path.push(widths(&bits));
     }
-    let mut widths = DiscWidths::default();
-    for (number, bits) in NUMBERS.iter().zip(bits) {
-        *(number.width)(&mut widths) = bits;
-    }
-    widths
 }
 
 #[cfg(test)]
@@ -196,33 +192,30 @@ mod tests {
         core::array::from_fn(|i| *(NUMBERS[i].width)(&mut widths))
     }
 
-    #[test]
-    fn bits_are_enough_and_a_bit_less_of_each_is_not() {
-        let mut random = Random::new(5);
-        for _ in 0..500 {
-            let costs = [(); NUMBERS.len()].map(|()| f64::from(libm::exp2f(-20.0 * random.unit())));
-            let allowed = f64::from(libm::exp2f(-18.0 * random.unit())) * 0.1;
-            let error = |bits: [u8; NUMBERS.len()]| -> f64 {
-                bits.iter().zip(costs).map(|(&bits, cost)| cost * unit_error(bits)).sum()
-            };
-            let chosen = bits(allocate(&costs, allowed));
-            let most = [dermis_format::discs::MOST_BITS; NUMBERS.len()];
-            assert!(error(chosen) <= allowed || chosen == most, "{chosen:?}");
-            // A bit less of each would leave too much.
-            let fewer = chosen.map(|bits| bits.saturating_sub(1));
-            let none = [0; NUMBERS.len()];
-            assert!(error(fewer) > allowed || chosen == none, "{chosen:?}");
-        }
+    fn squares(bits: [u8; NUMBERS.len()], costs: &[f64]) -> f64 {
+        bits.iter().zip(costs).map(|(&bits, cost)| cost * unit_error(bits)).sum()
     }
 
     #[test]
-    fn a_quarter_of_the_error_costs_about_a_bit_of_each_number() {
-        let costs = [4e-3, 3e-3, 2e-3, 2e-3, 3e-3, 4e-3, 5e-4, 3e-5, 1e-6];
-        let [more, fewer] = [1e-6, 4e-6].map(|allowed| bits(allocate(&costs, allowed)));
-        for (number, (more, fewer)) in more.into_iter().zip(fewer).enumerate() {
-            assert!(more >= fewer && more <= fewer + 2, "number {number}: {fewer} to {more}");
+    fn each_bit_goes_where_it_saves_most_for_its_price() {
+        let mut random = Random::new(5);
+        for _ in 0..200 {
+            let costs = [(); NUMBERS.len()].map(|()| f64::from(libm::exp2f(-20.0 * random.unit())));
+            let path: Vec<_> = by_gain(&costs).into_iter().map(bits).collect();
+            assert_eq!((path[0], path[path.len() - 1]), ([0; 9], [MOST_BITS; 9]));
+            for step in path.windows(2) {
+                let per_bit = |to: [u8; NUMBERS.len()], number: usize| {
+                    (squares(step[0], &costs) - squares(to, &costs))
+                        / f64::from(NUMBERS[number].times)
+                };
+                let taken: Vec<_> = (0..9).filter(|&i| step[1][i] == step[0][i] + 1).collect();
+                assert_eq!(taken.len(), 1);
+                for other in (0..9).filter(|&i| step[0][i] < MOST_BITS) {
+                    let mut there = step[0];
+                    there[other] += 1;
+                    assert!(per_bit(there, other) <= per_bit(step[1], taken[0]) * (1.0 + 1e-9));
+                }
+            }
         }
-        let sum = |bits: [u8; NUMBERS.len()]| bits.iter().map(|&b| i32::from(b)).sum::<i32>();
-        assert!((7..=11).contains(&(sum(more) - sum(fewer))), "{fewer:?} to {more:?}");
     }
 }

@@ -55,6 +55,7 @@ fn rows(
         background: options.background,
         budgets: budgets.to_vec(),
         prefixes: Vec::new(),
+        packed: None,
     };
     Ok(evaluate(&avatar, model, &options)?.rows)
 }

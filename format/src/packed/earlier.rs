@@ -1,0 +1,113 @@
+//! What is known of a disc at one level from its record at the level before.
+
+use crate::block::{Block, Records};
+use crate::discs::{DiscLayout, Discs, MOST_BITS};
+use crate::header::Header;
+use crate::level::Level;
+use crate::quant::{Linear, last_code};
+use crate::record::{BlockRecord, DiscGroup, DiscWidths, take_plane};
+use crate::section::{Sections, split_header, tag};
+
+use super::columns::fields;
+
+/// One number of the same discs, as an earlier section has them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Earlier<'a> {
+    /// The discs.
+    pub(super) discs: Discs<'a>,
+    /// Which of the ten.
+    pub(super) number: usize,
+    /// Where the ranges stand in the payload that is coded.
+    pub(super) groups: usize,
+    /// Its widths.
+    pub(super) widths: DiscWidths,
+}
+
+/// The number of the angle among those of a disc.
+const ANGLE: usize = 3;
+
+impl<'a> Earlier<'a> {
+    /// The discs of a level as the last section before it has them; `None` if none does.
+    pub(super) fn find(before: &'a [u8], header: &Header, head: &BlockRecord) -> Option<Discs<'a>> {
+        let (_, sections) = split_header(before).ok()?;
+        let same = |region: u8, first: u32, count: u32| {
+            region == head.region
+                && first == head.first.get()
+                && count == u32::from(head.count.get())
+        };
+        let discs = |section: crate::section::Section<'a>| match section.tag {
+            tag::BLOCK => {
+                let block = Block::split(section.payload, header)?;
+                match block.records {
+                    Records::Disc(discs) => {
+                        same(block.region, block.first, block.count).then_some(discs)
+                    }
+                    Records::Full(_) => None,
+                }
+            }
+            tag::LEVEL => {
+                let level = Level::split(section.payload)?;
+                same(level.region, level.first, level.count).then_some(level.discs)
+            }
+            _ => None,
+        };
+        Sections::new(sections).filter_map(discs).last()
+    }
+
+    /// What takes codes of group `group` of the earlier record to those of the payload's.
+    pub(super) fn map(&self, payload: &[u8], group: usize) -> CodeMap {
+        let last = u32::from(last_code(self.width()));
+        if self.number == ANGLE {
+            // Half turns are whole: codes differ by a power of two, and wrap.
+            let from = self.discs.layout().widths().angle;
+            let scale = (1u32 << self.widths.angle) as f32 / (1u32 << from) as f32;
+            return CodeMap { scale, offset: 0.5, last, wraps: true };
+        }
+        let at = self.groups + group * size_of::<DiscGroup>();
+        let here = payload.get(at..).and_then(|bytes| take_plane::<DiscGroup>(bytes, 1));
+        let (Some(([here], _)), Some(there)) = (here, self.discs.groups().get(group)) else {
+            return CodeMap { scale: 0.0, offset: 0.0, last, wraps: false };
+        };
+        let (from, step) = range(there, self.number);
+        let (to, code) = range(here, self.number);
+        CodeMap { scale: step / code, offset: (from - to) / code + 0.5, last, wraps: false }
+    }
+
+    /// First bit and width of the number in the earlier record.
+    pub(super) fn field(&self) -> (u32, u32) {
+        fields(self.discs.layout())[self.number]
+    }
+
+    fn width(&self) -> u8 {
+        DiscLayout::new(self.widths).map_or(MOST_BITS, |layout| fields(layout)[self.number].1 as u8)
+    }
+}
+
+/// Offset and step of a number other than the angle.
+fn range(group: &DiscGroup, number: usize) -> (f32, f32) {
+    match number {
+        0..=2 => group.position[number].parts(),
+        4 | 5 => group.log2_scale.parts(),
+        6..=8 => group.color[number - 6].parts(),
+        _ => group.opacity.parts(),
+    }
+}
+
+/// The nearest code of another range.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CodeMap {
+    scale: f32,
+    /// And a half, to round.
+    offset: f32,
+    last: u32,
+    wraps: bool,
+}
+
+impl CodeMap {
+    /// Where a code of the earlier range lies. What is no number is code 0.
+    #[inline(always)]
+    pub(super) fn apply(&self, code: u32) -> u32 {
+        let there = (code as f32 * self.scale + self.offset) as u32;
+        if self.wraps { there & self.last } else { there.min(self.last) }
+    }
+}

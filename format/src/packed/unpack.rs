@@ -1,0 +1,388 @@
+//! Packed bytes to a file, section by section.
+
+use super::columns::{Coder, Column, KEPT, Rows, Table, walk};
+use super::predict::{
+    BATCH, FromEarlier, PREDICTION_BITS, Prediction, Predictor, Previous, Zero, unfold_column,
+};
+use super::rans::Decoder;
+use super::table::{Frequencies, Slots};
+use super::{CODING_BITS, Coding, ESCAPE, ESCAPED_BITS, MOST_EXPANSION, SectionHead, file};
+use crate::bits::{Bits, flip, flip_wide, mask};
+use crate::discs::DiscLayout;
+use crate::error::{Error, malformed};
+use crate::header::Header;
+use crate::order::BLOCK_LEN;
+use crate::section::{self, Section, preamble, section_crc};
+
+/// Unpacks into memory that the caller lends, a section at a time: what stands there is a prefix of the file, for
+/// [`Avatar::parse_prefix`](crate::Avatar::parse_prefix), from mesh and rig on. It takes 70 KB itself, and no heap.
+#[derive(Debug)]
+pub struct Unpacker<'p, 'f> {
+    rest: &'p [u8],
+    out: &'f mut [u8],
+    /// Bytes of `out` that are done.
+    len: usize,
+    /// Bytes of the whole file.
+    total: usize,
+    header: Header,
+    memory: Memory,
+}
+
+impl<'p, 'f> Unpacker<'p, 'f> {
+    /// Unpacks preamble and header of `packed` to the start of `out`, which has as many bytes as [`super::unpacked_len`] says, or more.
+    ///
+    /// # Errors
+    ///
+    /// Where `packed` is not packed, damaged or ends before its first section, and where `out` is too short.
+    pub fn new(packed: &'p [u8], out: &'f mut [u8]) -> Result<Self, Error> {
+        let (needed, present) = (super::unpacked_len(packed)?, out.len());
+        let Some(out) = out.get_mut(..needed) else {
+            return Err(Error::Room { needed: needed as u64, present: present as u64 });
+        };
+        Self::to_prefix(packed, out)
+    }
+
+    /// The same where there may be room for the first sections alone.
+    fn to_prefix(packed: &'p [u8], out: &'f mut [u8]) -> Result<Self, Error> {
+        let total = super::unpacked_len(packed)?;
+        let rest = packed.get(file::LEN..).unwrap_or(&[]);
+        let (bytes, sections) = section::split_header(rest)?;
+        let header = Header::parse(bytes)?;
+        let len = preamble::LEN + bytes.len();
+        match (out.get_mut(..len), rest.get(..len)) {
+            (Some(to), Some(from)) => to.copy_from_slice(from),
+            _ => return malformed("packed file", "it is longer than it says"),
+        }
+        Ok(Self { rest: sections, out, len, total, header, memory: Memory::default() })
+    }
+
+    /// What is unpacked so far: the file's first bytes.
+    pub fn done(&self) -> &[u8] {
+        self.out.get(..self.len).unwrap_or(&[])
+    }
+
+    /// Unpacks the next section; `false` after the last one.
+    ///
+    /// # Errors
+    ///
+    /// Where the section is damaged or cut short. What is done before it stays.
+    pub fn next_section(&mut self) -> Result<bool, Error> {
+        if self.rest.is_empty() {
+            let (needed, present) = (self.total as u64, self.len as u64);
+            let whole = needed == present;
+            let cut = Error::Truncated { place: "unpacked file", needed, present };
+            return if whole { Ok(false) } else { Err(cut) };
+        }
+        let (SectionHead { tag, len, crc }, coded, rest) = super::split_section(self.rest)?;
+        let (before, room) = self.out.split_at_mut(self.len);
+        let Some((fixed, payload)) = room
+            .get_mut(..section::head::LEN + len)
+            .and_then(|bytes| bytes.split_at_mut_checked(section::head::LEN))
+        else {
+            return malformed("packed section", "the file is longer than it says");
+        };
+        if coded.len() == len {
+            payload.copy_from_slice(coded);
+        } else {
+            if len > coded.len().saturating_mul(MOST_EXPANSION) {
+                return malformed("packed section", "no section is so much shorter when packed");
+            }
+            payload.fill(0);
+            self.memory.decode(tag, payload, &self.header, before, coded)?;
+        }
+        if crc != section_crc(&Section { tag, payload }) {
+            return Err(Error::Damaged { place: "packed section" });
+        }
+        fixed[section::head::TAG].copy_from_slice(&tag);
+        fixed[section::head::PAYLOAD_LEN].copy_from_slice(&(len as u32).to_le_bytes());
+        fixed[section::head::CRC].copy_from_slice(&crc.to_le_bytes());
+        self.len += section::head::LEN + len;
+        self.rest = rest;
+        Ok(true)
+    }
+}
+
+/// What unpacking needs beside the bytes: 70 KB.
+#[derive(Clone, Debug)]
+pub(super) struct Memory {
+    tables: Tables,
+    /// Numbers of a block's discs, before they are put together to records.
+    staged: [[u8; BLOCK_LEN as usize]; 10],
+}
+
+/// Tables that columns leave behind.
+#[derive(Clone, Debug)]
+struct Tables {
+    kept: [Frequencies; KEPT],
+    own: [Frequencies; 2],
+    /// Of the table that is in use.
+    slots: Slots,
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        let none = Frequencies::default();
+        let tables = Tables { kept: [none; KEPT], own: [none; 2], slots: Slots::default() };
+        Self { tables, staged: [[0; BLOCK_LEN as usize]; 10] }
+    }
+}
+
+impl Memory {
+    pub(super) fn decode(
+        &mut self,
+        tag: [u8; 4],
+        payload: &mut [u8],
+        header: &Header,
+        before: &[u8],
+        coded: &[u8],
+    ) -> Result<(), Error> {
+        let (side, symbols) = super::split_side(coded)?;
+        let Self { tables, staged } = self;
+        let source = Coded { side: Bits::new(side), symbols: Decoder::new(symbols), tables };
+        let mut reader = Reader { source, staged };
+        walk(tag, payload, header, before, &mut reader)?;
+        if reader.source.side.is_overdrawn() {
+            return malformed("packed section", "its side information is too short");
+        }
+        Ok(())
+    }
+}
+
+/// Fills payloads in.
+struct Reader<'a> {
+    source: Coded<'a>,
+    staged: &'a mut [[u8; BLOCK_LEN as usize]; 10],
+}
+
+/// A coded payload, column by column.
+struct Coded<'a> {
+    side: Bits<'a>,
+    symbols: Decoder<'a>,
+    tables: &'a mut Tables,
+}
+
+impl Coded<'_> {
+    /// How the next numbers are coded; makes their table ready.
+    fn coding(&mut self, table: Table, part: u8) -> Result<Coding, Error> {
+        let Some(coding) = Coding::of(self.side.take(CODING_BITS)) else {
+            return malformed("packed section", "a column is coded in an unknown way");
+        };
+        let place = match table {
+            Table::Kept(id) => self.tables.kept.get_mut(usize::from(id + part)),
+            Table::Own(_) => self.tables.own.get_mut(usize::from(part)),
+        };
+        let Some(place) = place else {
+            return malformed("packed section", "a table has no place");
+        };
+        if coding == Coding::NewTable {
+            match Frequencies::read(&mut self.side) {
+                Some(table) => *place = table,
+                None => return malformed("packed section", "frequencies do not add up to 4,096"),
+            }
+        }
+        if coding != Coding::Raw {
+            self.tables.slots.fill(place);
+        }
+        Ok(coding)
+    }
+
+    /// How a column of at most 8 bits is predicted and coded, and its numbers, a batch at a time.
+    fn numbers(
+        &mut self,
+        payload: &mut [u8],
+        column: &Column<'_>,
+        put: impl FnMut(&mut [u8], &[u8]),
+    ) -> Result<(), Error> {
+        let prediction = self.prediction()?;
+        let coding = self.coding(column.table, 0)?;
+        match (prediction, column.earlier) {
+            (Prediction::Zero, _) => self.batches(payload, column, coding, Zero, put),
+            (Prediction::Previous, _) => {
+                self.batches(payload, column, coding, Previous::default(), put);
+            }
+            (Prediction::Earlier, Some(earlier)) => {
+                self.batches(payload, column, coding, FromEarlier::new(earlier), put);
+            }
+            (Prediction::Earlier, None) => return unpredictable(),
+        }
+        Ok(())
+    }
+
+    fn prediction(&mut self) -> Result<Prediction, Error> {
+        match Prediction::of(self.side.take(PREDICTION_BITS)) {
+            Some(prediction) => Ok(prediction),
+            None => malformed("packed section", "a column is predicted in an unknown way"),
+        }
+    }
+
+    fn batches(
+        &mut self,
+        payload: &mut [u8],
+        column: &Column<'_>,
+        coding: Coding,
+        mut predictor: impl Predictor,
+        mut put: impl FnMut(&mut [u8], &[u8]),
+    ) {
+        let mut batch = [0; BATCH];
+        let mut left = column.count;
+        while left > 0 {
+            let batch = &mut batch[..left.min(BATCH)];
+            if coding == Coding::Raw {
+                let side = &mut self.side;
+                batch.iter_mut().for_each(|number| *number = side.take(column.width) as u8);
+            } else {
+                self.symbols.fill(&self.tables.slots, batch);
+            }
+            predictor.add(payload, batch);
+            let mask = mask(column.width) as u8;
+            batch.iter_mut().for_each(|number| *number &= mask);
+            put(payload, batch);
+            left -= batch.len();
+        }
+    }
+}
+
+/// Puts numbers into a column, where zeros stand.
+fn place(column: &Column<'_>) -> impl FnMut(&mut [u8], &[u8]) {
+    let Column { mut at, stride, .. } = *column;
+    move |payload, batch| {
+        for &number in batch {
+            flip(payload, at, number.into());
+            at += stride;
+        }
+    }
+}
+
+impl Coder for Reader<'_> {
+    fn column(&mut self, payload: &mut [u8], column: &Column<'_>) -> Result<(), Error> {
+        if column.width <= 8 {
+            return self.source.numbers(payload, column, place(column));
+        }
+        let prediction = self.source.prediction()?;
+        for (part, width) in [8, column.width - 8].into_iter().enumerate() {
+            let half = Column { at: column.at + 8 * part, width, ..*column };
+            let coding = self.source.coding(column.table, part as u8)?;
+            self.source.batches(payload, &half, coding, Zero, place(&half));
+        }
+        if unfold_column(payload, column, prediction) { Ok(()) } else { unpredictable() }
+    }
+
+    fn discs(
+        &mut self,
+        payload: &mut [u8],
+        columns: &[Column<'_>; 10],
+        layout: DiscLayout,
+    ) -> Result<(), Error> {
+        for (column, staged) in columns.iter().zip(&mut *self.staged) {
+            if column.width == 0 {
+                staged.fill(0);
+                continue;
+            }
+            let mut staged = staged.chunks_mut(BATCH);
+            let put = |_: &mut [u8], batch: &[u8]| {
+                if let Some(to) = staged.next().and_then(|staged| staged.get_mut(..batch.len())) {
+                    to.copy_from_slice(batch);
+                }
+            };
+            self.source.numbers(payload, column, put)?;
+        }
+        let [Column { mut at, stride, count, .. }, ..] = *columns;
+        let [x, y, z, angle, s, t, luma, orange, green, opacity] = &*self.staged;
+        for index in 0..count.min(x.len()) {
+            let codes = [x, y, z, angle, s, t, luma, orange, green, opacity];
+            let codes = codes.map(|numbers| u32::from(numbers[index]));
+            flip_wide(payload, at, layout.record(codes));
+            at += stride;
+        }
+        Ok(())
+    }
+
+    fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {
+        let coding = self.source.coding(rows.table, 0)?;
+        let Coded { side, symbols, tables } = &mut self.source;
+        let (mut triangle, mut index) = (0u32, 0usize);
+        let (low_bits, end) = (rows.low_bits, rows.steps.1);
+        let mut fits = true;
+        let mut put = |gap: u32| {
+            triangle = triangle.wrapping_add(gap);
+            let low = triangle & mask(low_bits);
+            flip(payload, rows.lows + index * low_bits as usize, low);
+            let step = rows.steps.0 + (triangle >> low_bits) as usize + index;
+            fits &= step < end;
+            if step < end {
+                flip(payload, step, 1);
+            }
+            index += 1;
+        };
+        let mut batch = [0; BATCH];
+        let mut left = rows.count;
+        while left > 0 {
+            let batch = &mut batch[..left.min(BATCH)];
+            if coding == Coding::Raw {
+                batch.fill(ESCAPE);
+            } else {
+                symbols.fill(&tables.slots, batch);
+            }
+            for &mut symbol in &mut *batch {
+                put(if symbol == ESCAPE { side.take(ESCAPED_BITS) } else { symbol.into() });
+            }
+            left -= batch.len();
+        }
+        if fits { Ok(()) } else { malformed("packed block", "its triangles are longer than it is") }
+    }
+}
+
+fn unpredictable<T>() -> Result<T, Error> {
+    malformed("packed section", "a column is predicted from what is not there")
+}
+
+#[cfg(feature = "std")]
+pub use all::{unpack, unpack_prefix};
+
+#[cfg(feature = "std")]
+mod all {
+    use super::Unpacker;
+    use crate::error::Error;
+    use crate::packed::{MOST_EXPANSION, unpacked_len};
+
+    /// The file that was packed, all of it.
+    ///
+    /// # Errors
+    ///
+    /// As of [`Unpacker`].
+    pub fn unpack(packed: &[u8]) -> Result<Vec<u8>, Error> {
+        let (file, cut) = unpack_sections(packed)?;
+        cut.map_or(Ok(file), Err)
+    }
+
+    /// The first bytes of the file that was packed, as far as `packed`, its first bytes, has whole sections: for
+    /// [`Avatar::parse_prefix`](crate::Avatar::parse_prefix).
+    ///
+    /// # Errors
+    ///
+    /// As of [`Unpacker`], but where `packed` only ends too early after the header.
+    pub fn unpack_prefix(packed: &[u8]) -> Result<Vec<u8>, Error> {
+        match unpack_sections(packed)? {
+            (file, None | Some(Error::Truncated { .. })) => Ok(file),
+            (_, Some(error)) => Err(error),
+        }
+    }
+
+    /// What could be unpacked, and why no more.
+    fn unpack_sections(packed: &[u8]) -> Result<(Vec<u8>, Option<Error>), Error> {
+        // No memory is set aside for what cannot be there.
+        let most = packed.len().saturating_mul(MOST_EXPANSION);
+        let mut out = vec![0; unpacked_len(packed)?.min(most)];
+        let mut unpacker = Unpacker::to_prefix(packed, &mut out)?;
+        let cut = loop {
+            match unpacker.next_section() {
+                Ok(true) => {}
+                Ok(false) => break None,
+                Err(error) => break Some(error),
+            }
+        };
+        let len = unpacker.done().len();
+        out.truncate(len);
+        Ok((out, cut))
+    }
+}

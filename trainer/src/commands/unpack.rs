@@ -1,0 +1,35 @@
+//! `dermis unpack`.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use dermis_format::packed;
+use dermis_trainer::output::{self, Output};
+use serde::Serialize;
+
+use crate::Common;
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// A packed avatar.
+    file: PathBuf,
+    /// The avatar to write.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    packed_bytes: usize,
+    bytes: usize,
+}
+
+pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let to = Output::create(&arguments.output)?;
+    let packed = output::read(&arguments.file)?;
+    let bytes = packed::unpack(&packed).with_context(|| arguments.file.display().to_string())?;
+    to.finish(&bytes)?;
+    let report = Report { packed_bytes: packed.len(), bytes: bytes.len() };
+    super::print(common, &report, |r| format!("{} bytes, {} packed\n", r.bytes, r.packed_bytes))
+}
