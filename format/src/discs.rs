@@ -67,21 +67,20 @@ impl DiscLayout {
         self.words
     }
 
-    /// The record of codes, each as narrow as its number.
-    #[inline]
-    pub(crate) fn record(&self, codes: [u32; 10]) -> u128 {
-        let [x, y, z, angle, s, t, luma, orange, green, opacity] = codes;
-        let widths = self.widths.numbers().map(u32::from);
-        let word = |codes: &[u32], widths: &[u32]| {
-            let place = |(word, at): (u32, u32), (code, width): (&u32, &u32)| {
-                (word | code << (at & 31), at + width)
-            };
-            codes.iter().zip(widths).fold((0, 0), place).0
-        };
+    /// Where each number stands in its word.
+    pub(crate) fn shifts(&self) -> [u32; 10] {
+        self.codes(|_, shift, _| shift).numbers()
+    }
+
+    /// The record of codes, each as narrow as its number, by [`Self::shifts`].
+    #[inline(always)]
+    pub(crate) fn record(&self, shifts: &[u32; 10], codes: [u32; 10]) -> u128 {
+        let at = |i: usize| codes[i] << (shifts[i] & 31);
         let [first, second, _] = self.words;
-        u128::from(word(&[x, y, z, angle], &widths[..4]))
-            | u128::from(word(&[s, t, luma, orange], &widths[4..8])) << first
-            | u128::from(word(&[green, opacity], &widths[8..])) << (first + second)
+        let front = u64::from(at(0) | at(1) | at(2) | at(3));
+        let middle = u64::from(at(4) | at(5) | at(6) | at(7));
+        let rest = u128::from(at(8) | at(9)) << (first + second);
+        u128::from(front | middle << first) | rest
     }
 
     /// Every number of a record: `field(word, shift, mask)` takes one out of a word.

@@ -91,8 +91,10 @@ impl Slots {
         for (symbol, &frequency) in (0u32..).zip(&table.0) {
             let frequency = usize::from(frequency).min(rest.len());
             let (own, others) = rest.split_at_mut(frequency);
-            for (offset, slot) in (0u32..).zip(own) {
-                *slot = symbol | (frequency as u32 - 1) << 8 | offset << 20;
+            let mut slot = symbol | (frequency.max(1) as u32 - 1) << 8;
+            for to in own {
+                *to = slot;
+                slot = slot.wrapping_add(1 << 20);
             }
             rest = others;
         }

@@ -288,10 +288,11 @@ impl Coder for Reader<'_> {
         }
         let [Column { mut at, stride, count, .. }, ..] = *columns;
         let [x, y, z, angle, s, t, luma, orange, green, opacity] = &*self.staged;
+        let shifts = layout.shifts();
         for index in 0..count.min(x.len()) {
             let codes = [x, y, z, angle, s, t, luma, orange, green, opacity];
             let codes = codes.map(|numbers| u32::from(numbers[index]));
-            flip_wide(payload, at, layout.record(codes));
+            flip_wide(payload, at, layout.record(&shifts, codes));
             at += stride;
         }
         Ok(())

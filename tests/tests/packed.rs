@@ -1,0 +1,155 @@
+//! The packed form: the same bytes again, whatever the file; of what arrived, a prefix; of damage, nothing.
+
+use std::fs;
+
+use dermis_format::packed::{Unpacker, is_packed, pack, unpack, unpack_prefix, unpacked_len};
+use dermis_format::{Avatar, Error, PerLevel};
+use dermis_tests::command::run;
+use dermis_tests::files;
+use dermis_tests::small::{options, trained_demo};
+use dermis_tests::splats::SplatPly;
+use dermis_trainer::convert;
+use dermis_trainer::options::Options;
+use serde_json::Value;
+
+/// Files of every kind: discs, with records per level and without; three scales, harmonics, opacities per level.
+fn files() -> Vec<(String, Vec<u8>)> {
+    let stored = files::workspace().join("tests/conformance/data");
+    let mut files: Vec<(String, Vec<u8>)> = files::names(&stored)
+        .into_iter()
+        .map(|name| (name.clone(), fs::read(stored.join(name)).expect("it is there")))
+        .collect();
+    let folder = files::empty_folder("packed_sources");
+    for degree in [0, 3] {
+        let ply = SplatPly::random(700, degree, 5);
+        let path = files::written(&folder, "a.ply", ply.bytes());
+        let (splats, _) = convert::read(&path, None).expect("it can be read");
+        let bytes = convert::pack(splats).expect("what can be read can be packed");
+        files.push((format!("harmonics of degree {degree}"), bytes));
+    }
+    let narrow = Options { max_loss_db: 0.5, ..options(5000, 30) };
+    files.push(("few bits".into(), trained_demo(&narrow).1.bytes));
+    files
+}
+
+#[test]
+fn every_file_returns_and_its_prefixes_are_the_files() {
+    let files = files();
+    let kinds: Vec<_> = files
+        .iter()
+        .map(|(_, bytes)| Avatar::parse(bytes).expect("a valid file").header().per_level)
+        .collect();
+    assert!(
+        [PerLevel::Nothing, PerLevel::Opacity, PerLevel::All].iter().all(|k| kinds.contains(k))
+    );
+    for (name, bytes) in files {
+        let packed = pack(&bytes).expect("a valid file can be packed");
+        assert!(is_packed(&packed) && !is_packed(&bytes));
+        assert_eq!(unpacked_len(&packed), Ok(bytes.len()));
+        assert_eq!(pack(&bytes).as_deref(), Ok(&packed[..]), "{name}: the same bytes each time");
+        assert!(packed.len() < bytes.len(), "{name}: {} of {}", packed.len(), bytes.len());
+        assert!(unpack(&packed).as_deref() == Ok(&bytes[..]), "{name}");
+
+        // Section by section, in memory that held something else.
+        let mut memory = vec![0xa5; bytes.len() + 9];
+        let mut unpacker = Unpacker::new(&packed, &mut memory).expect("it is packed");
+        let mut pictures = 0;
+        loop {
+            assert!(unpacker.done() == &bytes[..unpacker.done().len()], "{name}");
+            pictures += u32::from(Avatar::parse_prefix(unpacker.done()).is_ok());
+            if !unpacker.next_section().expect("it is whole") {
+                break;
+            }
+        }
+        assert_eq!(unpacker.done().len(), bytes.len());
+        assert!(pictures > 1, "{name}");
+
+        // Whatever arrives first.
+        for share in 1..40 {
+            let len = packed.len() * share / 40;
+            assert!(unpack(&packed[..len]).is_err(), "{name}, {len} bytes");
+            if let Ok(first) = unpack_prefix(&packed[..len]) {
+                assert!(first.len() < bytes.len() && bytes.starts_with(&first), "{name}");
+            }
+        }
+        assert_eq!(unpack_prefix(&packed), Ok(bytes));
+    }
+}
+
+#[test]
+fn a_changed_bit_is_found_or_harmless() {
+    let mut seed = 1u32;
+    for (name, bytes) in files() {
+        let packed = pack(&bytes).expect("a valid file can be packed");
+        let mut damaged = packed.clone();
+        for _ in 0..400 {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let bit = (u64::from(seed) * 8 * packed.len() as u64 >> 32) as usize;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            if let Ok(found) = unpack(&damaged) {
+                assert!(found == bytes, "{name}: bit {bit}");
+            }
+            damaged[bit / 8] ^= 1 << (bit % 8);
+        }
+    }
+}
+
+#[test]
+fn claims_cost_no_memory() {
+    let (name, bytes) = files().swap_remove(0);
+    let packed = pack(&bytes).expect("a valid file can be packed");
+    // Four gigabytes in a few.
+    let mut claims = packed.clone();
+    claims[10..14].fill(0xff);
+    let crc = crc32fast::hash(&claims[..14]);
+    claims[14..18].copy_from_slice(&crc.to_le_bytes());
+    assert!(matches!(unpack(&claims), Err(Error::Truncated { .. })), "{name}");
+    // A section that would be so long.
+    let head = 18 + bytes_before_sections(&packed[18..]);
+    let mut claims = packed.clone();
+    claims[head + 4..head + 8].fill(0xff);
+    assert!(matches!(unpack(&claims), Err(Error::Malformed { .. })), "{name}");
+    let mut claims = packed;
+    claims[head + 8..head + 12].fill(0xff);
+    assert!(matches!(unpack(&claims), Err(Error::Truncated { .. })), "{name}");
+    assert!(matches!(pack(&claims), Err(Error::Malformed { .. })));
+    let mut short = vec![0; bytes.len() - 1];
+    let packed = pack(&bytes).expect("a valid file can be packed");
+    assert!(matches!(Unpacker::new(&packed, &mut short), Err(Error::Room { .. })));
+}
+
+fn bytes_before_sections(file: &[u8]) -> usize {
+    16 + usize::from(u16::from_le_bytes([file[10], file[11]]))
+}
+
+#[test]
+fn the_commands_pack_and_every_other_one_reads_what_they_packed() {
+    let folder = files::empty_folder("packed_commands");
+    let (name, bytes) = files().pop().expect("there are some");
+    files::written(&folder, "a.dermis", &bytes);
+    let json = |arguments: &str| -> Value {
+        let output = run(&folder, &format!("{arguments} --json"));
+        assert!(output.status.success(), "{arguments}: {output:?}");
+        serde_json::from_slice(&output.stdout).expect("one JSON object")
+    };
+    let packed = json("pack a.dermis -o a.packed");
+    let len = fs::metadata(folder.join("a.packed")).expect("it is there").len();
+    assert_eq!((&packed["bytes"], &packed["unpacked_bytes"]), (&len.into(), &bytes.len().into()));
+    assert!(packed["bytes_per_gaussian"].as_f64() > Some(1.0), "{name}");
+    assert_eq!(json("unpack a.packed -o b.dermis")["bytes"], bytes.len());
+    assert!(fs::read(folder.join("b.dermis")).expect("it is there") == bytes);
+    assert_eq!(json("info a.packed"), json("info a.dermis"));
+    files::written(&folder, "cut", &bytes[..bytes.len() / 2]);
+    for (command, says) in [
+        ("pack a.packed -o c", "a.packed: "),
+        ("pack cut -o c", "cut: "),
+        ("unpack a.dermis -o c", "a.dermis: "),
+        ("unpack none -o c", "none: "),
+    ] {
+        let output = run(&folder, command);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && error.contains(says), "{command}: {error}");
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
+    assert_eq!(files::names(&folder), ["a.dermis", "a.packed", "b.dermis", "cut"]);
+}
