@@ -159,6 +159,12 @@ pub(crate) fn wide() -> Source {
     }
 }
 
+/// Few Gaussians, on triangles that are far apart for them.
+pub(crate) fn sparse() -> Source {
+    let regions = vec![discs_on("all", &[3, 5], 60)];
+    Source { mesh: strip(60), regions, ..Source::default() }
+}
+
 pub(crate) fn cloud() -> Source {
     Source {
         regions: vec![Region {
@@ -246,6 +252,7 @@ pub(crate) fn all() -> Vec<(&'static str, Source)> {
         ("narrow", narrow()),
         ("many levels", many_levels()),
         ("wide", wide()),
+        ("sparse", sparse()),
         ("cloud", cloud()),
         ("rigged", rigged()),
     ]

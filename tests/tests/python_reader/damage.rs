@@ -81,7 +81,8 @@ fn damaged(bytes: &[u8], random: &mut Random) -> (&'static str, Vec<u8>) {
         // Anywhere, with a CRC that tells.
         6 => {
             let mut bytes = bytes.to_vec();
-            bytes[random.below(bytes.len())] ^= 1 << random.below(8);
+            let place = random.below(bytes.len());
+            bytes[place] ^= 1 << random.below(8);
             return ("flipped", bytes);
         }
         7 => {

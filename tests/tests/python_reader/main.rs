@@ -14,7 +14,6 @@ use std::process::{Command, Output};
 
 use columns::{Columns, columns};
 use dermis_conformance::File;
-use dermis_format::source::Source;
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Error};
 use dermis_tests::files;
@@ -57,7 +56,7 @@ fn by_python(folder: &Path, names: &[String], cut: Cut) -> BTreeMap<String, Opti
     let flags = (cut == Cut::Anywhere).then(|| "--prefix".to_owned());
     let output = reader(folder, flags.iter().chain(names));
     let said = String::from_utf8(output.stderr).expect("it speaks UTF-8");
-    let mut files = BTreeMap::new();
+    let mut files: BTreeMap<String, Option<Sums>> = BTreeMap::new();
     for line in said.lines() {
         // file: place: cause
         let (name, cause) = line.split_once(": ").unwrap_or_else(|| panic!("{said}"));
@@ -165,16 +164,9 @@ fn worked() -> Vec<u8> {
     words.map(|word| u8::from_str_radix(word, 16).expect("a byte")).collect()
 }
 
-/// A few Gaussians on triangles far apart.
-fn sparse() -> Source {
-    let regions = vec![avatars::discs_on("all", &[8, 24], 900)];
-    Source { mesh: avatars::strip(900), regions, ..Source::default() }
-}
-
 /// Files of every kind, of at most so many bytes.
 fn of_every_kind(most_bytes: usize) -> Vec<(String, Vec<u8>)> {
-    let mut made = avatars::all();
-    made.push(("sparse", sparse()));
+    let made = avatars::all();
     let made = made.iter().map(|(name, source)| {
         ((*name).to_owned(), encode(source).unwrap_or_else(|error| panic!("{name}: {error}")))
     });
