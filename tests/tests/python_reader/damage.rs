@@ -39,7 +39,7 @@ fn file(start: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
     bytes
 }
 
-/// Files that are damaged in one place each, and how. The same for the same bytes.
+/// Files that are damaged in one place each, and how: the same ones for the same bytes.
 pub(crate) fn of(bytes: &[u8], count: usize) -> Vec<(&'static str, Vec<u8>)> {
     let mut random = Random(bytes.len() as u64);
     (0..count).map(|_| damaged(bytes, &mut random)).collect()
@@ -47,72 +47,72 @@ pub(crate) fn of(bytes: &[u8], count: usize) -> Vec<(&'static str, Vec<u8>)> {
 
 fn damaged(bytes: &[u8], random: &mut Random) -> (&'static str, Vec<u8>) {
     let (mut start, mut sections) = parts(bytes);
-    let at = random.below(sections.len());
+    // Any kind of section, then one of its kind.
+    let mut tags: Vec<[u8; 4]> = sections.iter().map(|(tag, _)| *tag).collect();
+    tags.dedup();
+    let tag = tags[random.below(tags.len())];
+    let of_kind: Vec<usize> = (0..sections.len()).filter(|&at| sections[at].0 == tag).collect();
+    let at = of_kind[random.below(of_kind.len())];
     let other = random.below(sections.len());
-    let how = match random.below(10) {
-        0 => {
-            let place = preamble::LEN + random.below(start.len() - preamble::LEN);
-            start[place] ^= 1 << random.below(8);
+    let how = match random.below(16) {
+        0..3 => {
+            change(&mut start[preamble::LEN..], random);
             "header"
         }
-        1 => {
+        3 => {
             sections.swap(at, other);
             "swapped"
         }
-        2 => {
+        4 => {
             let copy = sections[at].clone();
             sections.insert(other, copy);
             "repeated"
         }
-        3 => {
+        5 => {
             sections.remove(at);
             "removed"
         }
-        4 => {
+        6 => {
             let payload = &mut sections[at].1;
             payload.truncate(random.below(payload.len() + 1));
             "shorter"
         }
-        5 => {
-            let payload = &mut sections[at].1;
-            payload.extend(vec![0; 1 + random.below(8)]);
+        7 => {
+            let more = vec![0; 1 + random.below(8)];
+            sections[at].1.extend(more);
             "longer"
         }
         // Anywhere, with a CRC that tells.
-        6 => {
+        8 => {
             let mut bytes = bytes.to_vec();
-            let place = random.below(bytes.len());
-            bytes[place] ^= 1 << random.below(8);
-            return ("flipped", bytes);
-        }
-        7 => {
-            set(&mut sections[at].1, 48, random);
-            "set"
+            change(&mut bytes, random);
+            return ("changed", bytes);
         }
         _ => {
+            let payload = &mut sections[at].1;
             // Heads stand in front and are short.
-            let reach = [24, 80, usize::MAX][random.below(3)];
-            flip(&mut sections[at].1, reach, random);
-            "bit"
+            let reach = [4, 16, 64, usize::MAX][random.below(4)];
+            let reach = reach.min(payload.len());
+            change(&mut payload[..reach], random);
+            "payload"
         }
     };
     (how, file(&start, &sections))
 }
 
-/// Inverts one of the first bits.
-fn flip(payload: &mut [u8], reach: usize, random: &mut Random) {
-    if !payload.is_empty() {
-        let place = random.below(payload.len().min(reach));
-        payload[place] ^= 1 << random.below(8);
+/// Inverts a bit, or makes a byte another one, or two next to each other the upper half of a NaN, an infinity, a negative number.
+fn change(bytes: &mut [u8], random: &mut Random) {
+    if bytes.is_empty() {
+        return;
     }
-}
-
-/// Makes two bytes next to each other those of a NaN, of an infinity, all bits, or none.
-fn set(payload: &mut [u8], reach: usize, random: &mut Random) {
-    if payload.len() >= 2 {
-        let place = random.below((payload.len() - 1).min(reach));
-        let value = [[0xc0, 0x7f], [0x80, 0x7f], [0xff, 0xff], [0, 0]][random.below(4)];
-        payload[place..place + 2].copy_from_slice(&value);
+    let place = random.below(bytes.len());
+    match (random.below(3), bytes.get_mut(place..place + 2)) {
+        (0, Some(two)) => {
+            let halves = [[0xc0, 0x7f], [0x80, 0x7f], [0xff, 0xff], [0x80, 0xbf], [0, 0x60]];
+            two.copy_from_slice(&halves[random.below(halves.len())]);
+        }
+        (1, _) => bytes[place] = [0, 1, 2, 3, 4, 17, 33, 255][random.below(8)],
+        _ => bytes[place] ^= 1 << random.below(8),
     }
 }
 
