@@ -159,10 +159,11 @@ pub(crate) fn wide() -> Source {
     }
 }
 
-/// Few Gaussians, on triangles that are far apart for them.
+/// Few Gaussians, on triangles that are far apart for them, or the same.
 pub(crate) fn sparse() -> Source {
-    let regions = vec![discs_on("all", &[3, 5], 60)];
-    Source { mesh: strip(60), regions, ..Source::default() }
+    let region =
+        Region { triangles: vec![0, 7, 50, 3, 3, 3, 40, 55], ..discs_on("all", &[3, 5], 60) };
+    Source { mesh: strip(60), regions: vec![region], ..Source::default() }
 }
 
 pub(crate) fn cloud() -> Source {

@@ -18,8 +18,11 @@ impl Random {
     }
 }
 
-/// The bytes before the first section, and the sections, tag and payload each.
-fn parts(bytes: &[u8]) -> (Vec<u8>, Vec<([u8; 4], Vec<u8>)>) {
+/// Tag and payload of each section.
+type Parts = Vec<([u8; 4], Vec<u8>)>;
+
+/// The bytes before the first section, and the sections.
+fn parts(bytes: &[u8]) -> (Vec<u8>, Parts) {
     let (_, rest) = split_header(bytes).expect("it has a header");
     let sections = Sections::new(rest).map(|section| (section.tag, section.payload.to_vec()));
     (bytes[..bytes.len() - rest.len()].to_vec(), sections.collect())
