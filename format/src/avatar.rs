@@ -208,7 +208,8 @@ impl<'a> Avatar<'a> {
             return malformed("CLIP", "there are more than the header says");
         }
         self.check_rig()?;
-        self.check_layers()
+        self.check_layers()?;
+        self.check_open_level(counts)
     }
 
     fn check_rig(&self) -> Result<(), Error> {
@@ -262,6 +263,19 @@ impl<'a> Avatar<'a> {
             if u64::from(block.first) < start || last > end {
                 return malformed("block", "it crosses the border of its layer");
             }
+        }
+        Ok(())
+    }
+
+    /// Where a prefix ends among the levels of a layer, the blocks before them end where that layer starts.
+    fn check_open_level(&self, counts: &Counts<'_>) -> Result<(), Error> {
+        let Some((region, level)) = counts.levels.as_ref().and_then(LevelOrder::open) else {
+            return Ok(());
+        };
+        let (region, level) = (usize::from(region), usize::from(level));
+        let start: u64 = (0..level).map(|l| u64::from(self.layer_len(region, l))).sum();
+        if u64::from(self.present(region)) != start || self.layer_len(region, level) == 0 {
+            return malformed("LEVL", "no block of its level can follow");
         }
         Ok(())
     }

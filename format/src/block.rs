@@ -135,7 +135,7 @@ impl<'a> Block<'a> {
         if header.frame != FrameKind::World && !self.triangles.are_valid(header.triangles) {
             return malformed(
                 "block",
-                "its triangles are not as many as its Gaussians, or one does not exist",
+                "its triangles are not as many as its Gaussians, one does not exist, or they descend",
             );
         }
         Ok(())

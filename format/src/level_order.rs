@@ -88,6 +88,11 @@ impl<'a> LevelOrder<'a> {
         Ok(())
     }
 
+    /// Region and level of the levels that no block has followed yet.
+    pub(crate) fn open(&self) -> Option<(u8, u8)> {
+        self.run.as_ref().map(|run| (run.region, run.level))
+    }
+
     /// There is no other section.
     pub(crate) fn end(&self) -> Result<(), Error> {
         match self.run {

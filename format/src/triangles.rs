@@ -35,12 +35,12 @@ impl<'a> Triangles<'a> {
         Some((Self { base, low_bits: head.low_bits, count, lows, steps }, rest))
     }
 
-    /// Whether there are as many as Gaussians, and each is below `triangles`.
+    /// Whether there are as many as Gaussians, none is less than the one before, and each is below `triangles`.
     pub(crate) fn are_valid(&self, triangles: u32) -> bool {
         // At most 2¹⁹ steps and 24 bits below each: the sum needs 44.
         let ones: u32 = self.steps.iter().map(|byte| byte.count_ones()).sum();
         let mut places = Places::new(self.steps);
-        let mut index = 0;
+        let (mut index, mut before) = (0, 0);
         ones == self.count
             && core::iter::from_fn(|| places.next()).all(|place| {
                 let high = u64::from(place - index) << self.low_bits;
@@ -50,7 +50,10 @@ impl<'a> Triangles<'a> {
                     self.low_bits.into(),
                 );
                 index += 1;
-                u64::from(self.base) + (high | u64::from(low)) < u64::from(triangles)
+                let triangle = u64::from(self.base) + (high | u64::from(low));
+                let follows = triangle >= before;
+                before = triangle;
+                follows && triangle < u64::from(triangles)
             })
     }
 

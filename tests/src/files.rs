@@ -53,14 +53,20 @@ pub fn data(who: &str) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    let folder = folder.display();
-    assert!(std::env::var_os("CI").is_none(), "{who}: no folder {folder}; set DERMIS_DATA");
+    skipped(who, &format!("no folder {}; set DERMIS_DATA to the avatars", folder.display()));
+    None
+}
+
+/// Says that the test `who` was skipped, and why.
+///
+/// # Panics
+///
+/// Under CI, where everything that tests need should be there.
+pub fn skipped(who: &str, why: &str) {
+    assert!(std::env::var_os("CI").is_none(), "{who}: {why}");
     // Not by a macro: those are captured from tests that pass.
     let mut stderr = std::io::stderr().lock();
-    let said =
-        writeln!(stderr, "SKIPPED {who}: no folder {folder}; set DERMIS_DATA to the avatars");
-    said.expect("stderr takes a line");
-    None
+    writeln!(stderr, "SKIPPED {who}: {why}").expect("stderr takes a line");
 }
 
 /// A mesh on its way into a glTF file: positions, indices and what materials say, nothing else.

@@ -159,6 +159,13 @@ pub(crate) fn wide() -> Source {
     }
 }
 
+/// Few Gaussians, on triangles that are far apart for them, or the same.
+pub(crate) fn sparse() -> Source {
+    let region =
+        Region { triangles: vec![0, 7, 50, 3, 3, 3, 40, 55], ..discs_on("all", &[3, 5], 60) };
+    Source { mesh: strip(60), regions: vec![region], ..Source::default() }
+}
+
 pub(crate) fn cloud() -> Source {
     Source {
         regions: vec![Region {
@@ -246,6 +253,7 @@ pub(crate) fn all() -> Vec<(&'static str, Source)> {
         ("narrow", narrow()),
         ("many levels", many_levels()),
         ("wide", wide()),
+        ("sparse", sparse()),
         ("cloud", cloud()),
         ("rigged", rigged()),
     ]

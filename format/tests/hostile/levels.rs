@@ -204,6 +204,26 @@ fn levels_out_of_their_place_are_errors() {
     }
 }
 
+/// A prefix may end among the levels of the layer that would begin next, not of another one.
+#[test]
+fn the_last_levels_of_a_prefix_are_of_the_next_layer() {
+    let (header, sections) = parts(&encode(&levels()).unwrap());
+    let ends = (1..=sections.len()).filter(|&end| sections[end - 1].0 == LEVL);
+    let mut later = 0;
+    for end in ends {
+        let mut cut = sections[..end].to_vec();
+        let is_whole = |cut: &[_]| Avatar::parse_prefix(&joined(&header, cut)).is_ok();
+        assert!(is_whole(&cut), "{end}");
+        // Those before it in its row stay as they are: then it is among them, which is an error, too.
+        for level in cut[end - 1].1[1] + 1..4 {
+            cut[end - 1].1[1] = level;
+            later += 1;
+            assert!(!is_whole(&cut), "{end} of level {level}");
+        }
+    }
+    assert!(later > 1);
+}
+
 #[test]
 fn levels_in_a_file_without_them_are_an_error() {
     let (header, mut sections) = parts(&encode(&opacities()).unwrap());
