@@ -3,7 +3,7 @@
 //!
 //! Data flows one way: bytes → avatar → pose → plan → prepare → bands → pixels.
 //!
-//! 1. [`Avatar::parse`] checks the bytes once and reads them in place.
+//! 1. [`Avatar::parse`] checks the bytes once and reads them in place; [`Unpacker`] makes them of packed ones.
 //! 2. [`Posed`] skins the mesh in a [`Pose`] ([`pose`], [`posed`]) and gives each triangle a
 //!    coordinate system ([`frame`]).
 //! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]), between two levels
@@ -61,6 +61,7 @@ pub mod tiles;
 
 pub use camera::Camera;
 pub use dermis_format::Avatar;
+pub use dermis_format::packed::Unpacker;
 pub use error::Error;
 pub use export::{PosedGaussian, Sides};
 pub use framebuffer::{Background, Depth, Framebuffer, Pixels};

@@ -18,6 +18,7 @@ use core::panic::PanicInfo;
 use dermis_conformance::draw::run_at_once;
 use dermis_conformance::{
     CASES, Case, File, Format, How, Kernel, Outcome, check, check_export, digest, export,
+    unpacks,
 };
 
 /// Exit code of a panic.
@@ -33,6 +34,7 @@ extern "C" fn dermis_conformance_main() -> ! {
     for &file in File::ALL {
         others += u32::from(digest(file).is_err());
     }
+    others += u32::from(unpacks(frame) != Ok(true));
     for &format in Format::ALL {
         // Two bands, so that the offsets of a second one are walked here, too.
         let how = How { format, bands: 2, kernel: Kernel::baseline() };

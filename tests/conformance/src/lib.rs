@@ -9,7 +9,8 @@
 //! 4. [`how`] is all that a frame may be drawn with: the pixel format, and what must not show;
 //!    [`mod@frame`] its memory in each format.
 //! 5. [`expected`] is the table that every target must agree with, `crc32.txt`.
-//! 6. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
+//! 6. [`unpacking`] does what a file comes to when it was packed.
+//! 7. [`mod@digest`] reads the rest of a file, for those who look for panic paths.
 //!
 //! [`check`] and [`check_export`] do all of it for one case. Run it on this machine, and renew the table, with
 //!
@@ -31,12 +32,14 @@ pub mod export;
 pub mod frame;
 pub mod how;
 pub mod poses;
+pub mod unpacking;
 
 pub use avatars::File;
 pub use cases::{CASES, Case};
 pub use digest::digest;
 pub use draw::{Error, FRAME_WORDS, SCRATCH_WORDS, run};
 pub use how::{Format, How, Kernel};
+pub use unpacking::unpacks;
 
 /// What became of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use dermis_format::packed::pack;
 use dermis_runtime::{Kernel, Level};
 
 use dermis_conformance::export::{self, export};
 use dermis_conformance::{
     CASES, Case, FRAME_WORDS, File, Format, How, Outcome, SCRATCH_WORDS, check, check_export,
-    digest, draw, expected, run,
+    digest, draw, expected, run, unpacking, unpacks,
 };
 
 const WHOLE: How = How { format: Format::Rgba8, bands: 1, kernel: Kernel::Scalar };
@@ -202,6 +203,18 @@ fn files_can_be_read() {
     let digests: BTreeSet<u32> =
         File::ALL.iter().map(|file| digest(*file).expect("it is valid")).collect();
     assert_eq!(digests.len(), File::ALL.len());
+}
+
+/// The packed avatar is what the packer makes today, and unpacks to the file.
+#[test]
+fn the_packed_file_unpacks() {
+    let packed = pack(File::Leveled.bytes()).expect("it is valid");
+    if std::env::var_os("DERMIS_BLESS").is_some() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/data/leveled.packed");
+        std::fs::write(path, &packed).expect("it can be written");
+    }
+    assert!(packed == unpacking::PACKED, "the packer has changed; renew with DERMIS_BLESS=1");
+    assert_eq!(unpacks(&mut [0; FRAME_WORDS]), Ok(true));
 }
 
 #[test]

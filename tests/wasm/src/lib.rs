@@ -50,6 +50,15 @@ pub extern "C" fn name_len(index: usize) -> usize {
     case(index).map_or("", |case| case.name).len()
 }
 
+/// Whether the packed avatar unpacks to the bytes of the file.
+// SAFETY: as for `cases`.
+#[unsafe(no_mangle)]
+pub extern "C" fn unpacks() -> bool {
+    // SAFETY: as in `draw`.
+    let frame = unsafe { &mut *FRAME.0.get() };
+    dermis_conformance::unpacks(frame) == Ok(true)
+}
+
 /// Draws a case in the format of a column, or exports it. The upper word is 0 if it comes out as in the
 /// table, 1 if it does not, 2 if the runtime refused it, 3 if there is no such case or column; the lower
 /// one is the CRC32.

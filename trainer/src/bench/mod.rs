@@ -7,7 +7,8 @@
 //!    shared machine falls on all of them alike, and takes medians.
 //! 5. [`approximations`] switches what is approximated to its exact form, one at a time.
 //! 6. [`training`] measures a step of training, part by part.
-//! 7. [`table`] and [`plot`] show it; [`once`] draws frames for counters of instructions; [`machine`] names the CPU.
+//! 7. [`unpacking`] measures how soon a packed file is one that can be drawn.
+//! 8. [`table`] and [`plot`] show it; [`once`] draws frames for counters of instructions; [`machine`] names the CPU.
 //!
 //! Times of one thread are CPU time of that thread (time that passes where the system does not tell);
 //! those of several threads are time that passes. `project` holds what `Prepared::new` does, `sort` the
@@ -25,6 +26,7 @@ pub mod stages;
 pub mod table;
 pub mod team;
 pub mod training;
+pub mod unpacking;
 
 use anyhow::Result;
 use dermis_runtime::{Avatar, Kernel, Plan, Pose};

@@ -10,6 +10,7 @@ use dermis_runtime::{Avatar, Camera, Kernel};
 use dermis_trainer::bench::approximations::Source;
 use dermis_trainer::bench::once::draw_once;
 use dermis_trainer::bench::stages::Scene;
+use dermis_trainer::bench::unpacking::{self, Unpacking};
 use dermis_trainer::bench::{Bench, Options, machine, measure, plot, training};
 use dermis_trainer::camera_file::{self, Shot};
 use dermis_trainer::orbit::Orbit;
@@ -56,6 +57,9 @@ pub(crate) struct Arguments {
     /// Measure steps of training all Gaussians of the file, --runs of them, on each number of threads.
     #[arg(long, conflicts_with_all = ["scene", "kernel", "budget", "approximations", "svg"])]
     training: bool,
+    /// Pack the avatar, and measure what unpacking takes, --runs times.
+    #[arg(long, conflicts_with_all = ["training", "camera", "distance", "kernel", "budget", "size", "approximations", "svg"])]
+    unpacking: bool,
     /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
     /// instructions.
     #[arg(long, conflicts_with_all = ["runs", "approximations", "svg"])]
@@ -107,6 +111,15 @@ struct TrainingReport {
     rows: Vec<training::Row>,
 }
 
+/// What `--unpacking --json` prints.
+#[derive(Serialize)]
+struct UnpackingReport {
+    avatar: String,
+    cpu: String,
+    #[serde(flatten)]
+    unpacking: Unpacking,
+}
+
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let svg = arguments.svg.as_deref().map(output::Output::create).transpose()?;
     let (name, bytes, source) = match (&arguments.scene, &arguments.file) {
@@ -114,12 +127,17 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             let source = arguments.approximations.then(|| mannequin::gaussians(*count));
             (format!("avatar:{count}"), mannequin::avatar(*count)?, source)
         }
-        (None, Some(file)) => (file.display().to_string(), output::read(file)?, None),
+        (None, Some(file)) => (file.display().to_string(), super::avatar_bytes(file)?, None),
         (None, None) => super::misuse("give the file of an avatar, or --scene avatar:N"),
     };
     let avatar = Avatar::parse(&bytes).with_context(|| name.clone())?;
     if arguments.once {
         return once(&avatar, arguments).context(name);
+    }
+    if arguments.unpacking {
+        let unpacking = unpacking::measure(&avatar, arguments.runs)?;
+        let report = UnpackingReport { avatar: name, cpu: machine::cpu(), unpacking };
+        return super::print(common, &report, tables::unpacking);
     }
     if arguments.training {
         let rows = training(&avatar, arguments, common).with_context(|| name.clone())?;

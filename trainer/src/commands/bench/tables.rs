@@ -6,9 +6,22 @@ use dermis_trainer::bench::clock::Clock;
 use dermis_trainer::bench::row::Row;
 use dermis_trainer::bench::table::aligned;
 
-use super::{Report, TrainingReport};
+use super::{Report, TrainingReport, UnpackingReport};
 
 /// Steps of training.
+pub(super) fn unpacking(report: &UnpackingReport) -> String {
+    let UnpackingReport { avatar, cpu, unpacking } = report;
+    format!(
+        "{avatar}, {cpu}, one thread, medians: {} bytes of {} packed, in {:.2} ms of CPU time; {} Gaussians in {:.2} of them, {:.1} million a second\n",
+        unpacking.bytes,
+        unpacking.packed_bytes,
+        unpacking.ms,
+        unpacking.gaussians,
+        unpacking.gaussians_ms,
+        unpacking.gaussians_per_second / 1e6
+    )
+}
+
 pub(super) fn training(report: &TrainingReport) -> String {
     let headings = [
         "threads",
