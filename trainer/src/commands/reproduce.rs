@@ -155,21 +155,24 @@ fn text_of_formats(report: &OfFormats) -> String {
     if let Some(db) = floats_foreground_db {
         out += &format!("in floats {db:.2} dB to the mesh, over the foreground\n");
     }
-    let cell = |db: &Option<f64>| db.map_or_else(|| "-".to_owned(), |db| format!("{db:.2}"));
+    // Not −0.00.
+    let db = |db: f64| format!("{:.2}", (100.0 * db).round() / 100.0 + 0.0);
     let cells = |row: &formats::Entry| {
-        vec![
+        let mut cells = vec![
             row.format.to_owned(),
             row.bytes.to_string(),
             row.gaussian_bytes.to_string(),
             format!("{:.2}", row.bytes_per_gaussian),
-            cell(&row.psnr_foreground_db),
-            cell(&row.lost_db),
-            format!("{:.2}", row.psnr_to_floats_db),
-        ]
+            db(row.psnr_to_floats_db),
+        ];
+        // Those that need a mesh.
+        cells.extend(row.psnr_foreground_db.into_iter().chain(row.lost_db).map(db));
+        cells
     };
     let headings =
-        ["format", "bytes", "of Gaussians", "a Gaussian", "dB to mesh", "dB lost", "dB to floats"];
-    out + &aligned(&headings, &rows.iter().map(cells).collect::<Vec<_>>())
+        ["format", "bytes", "of Gaussians", "a Gaussian", "dB to floats", "dB to mesh", "dB lost"];
+    let headings = &headings[..if floats_foreground_db.is_some() { 7 } else { 5 }];
+    out + &aligned(headings, &rows.iter().map(cells).collect::<Vec<_>>())
 }
 
 fn report<T>(options: &Options, entries: Vec<T>) -> Report<T> {
