@@ -88,6 +88,8 @@ impl PosedGaussian {
         axes.iter_mut().zip(ellipsoid.axes).for_each(|(axis, of)| *axis = of);
         let [axis_0, axis_1, axis_2] = axes;
         let center = ellipsoid.center;
+        // Ranges reach a little beyond what they hold; drawing lets no alpha pass 0.99.
+        let opacity = opacity.at_most(1.0);
         let posed = Self { center, opacity, axis_0, red, axis_1, green, axis_2, blue };
         let numbers: &[f32] = bytemuck::cast_ref::<Self, [f32; 16]>(&posed);
         numbers.iter().all(|number| number.is_finite()).then_some(posed)

@@ -1,12 +1,14 @@
-//! The papers' tables: every row is there, at the counts and sizes that it is said to have.
+//! Tables: every row is there, at the counts and sizes that it is said to have.
 
-use dermis_tests::small::options;
+use dermis_tests::files::{self, written};
+use dermis_tests::small::{WHITE, options};
+use dermis_tests::splats::SplatPly;
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_at_level;
 use dermis_trainer::options::Options;
-use dermis_trainer::reproduce::{Measure, lapisgs, lodavatar};
+use dermis_trainer::reproduce::{Measure, formats, lapisgs, lodavatar};
 
 const MEASURE: Measure = Measure { key_frames: 1, views: 2 };
 
@@ -61,4 +63,42 @@ fn lodavatar_has_ours_at_the_counts_of_its_own() {
     assert_eq!(counts(&theirs)[0], level(1));
     assert!(theirs.len() > 1, "some detail fits");
     assert_eq!(counts(&theirs), counts(&ours));
+}
+
+#[test]
+fn formats_hold_the_same_gaussians() {
+    let options = Options { max_loss_db: 0.1, views: 4, ..tiny(640) };
+    let table = formats::of_mesh(&demo_avatar(), &options).expect("it can be trained and measured");
+    let floats = table.floats_foreground_db.expect("there is a mesh");
+    let names: Vec<_> = table.rows.iter().map(|row| row.format).collect();
+    assert_eq!(names, ["ply", "splat", "spz", "dermis"]);
+    assert_eq!((table.gaussians, table.views, table.size), (640, 4, 128));
+    for row in &table.rows {
+        let (db, lost) = (row.psnr_foreground_db, row.lost_db);
+        let (db, lost) = (db.expect("there is a mesh"), lost.expect("there is a mesh"));
+        assert!((floats - db - lost).abs() < 1e-9 && lost.abs() < 0.5, "{row:?}");
+        // A PLY loses nothing but bits of f32.
+        let least = if row.format == "ply" { 60.0 } else { 30.0 };
+        assert!(row.psnr_to_floats_db > least, "{row:?}");
+        assert_eq!(row.bytes_per_gaussian, row.gaussian_bytes as f64 / 640.0);
+    }
+    let of = |name| table.rows.iter().find(|row| row.format == name).expect("it is there");
+    assert!(of("ply").gaussian_bytes > 640 * 56 && of("splat").bytes == 640 * 32);
+    assert!(of("dermis").gaussian_bytes < of("spz").bytes, "{table:?}");
+    assert!(of("dermis").gaussian_bytes < of("dermis").bytes, "mesh and rig are in the file");
+}
+
+#[test]
+fn formats_hold_what_another_program_trained() {
+    let folder = files::empty_folder("reproduce_formats");
+    let path = written(&folder, "a.ply", SplatPly::random(300, 1, 5).bytes());
+    let table = formats::of_splats(&path, 3, 96, WHITE).expect("it can be measured");
+    assert_eq!((table.gaussians, table.rows.len(), table.views), (300, 4, 3));
+    let to_floats = |name| {
+        let row = table.rows.iter().find(|row| row.format == name).expect("it is there");
+        row.psnr_to_floats_db
+    };
+    assert!(to_floats("ply") > 60.0 && to_floats("spz") > 35.0 && to_floats("dermis") > 35.0);
+    assert!(to_floats("splat") < to_floats("spz"), "harmonics are lost");
+    assert!(formats::of_splats(&folder.join("absent.ply"), 3, 96, WHITE).is_err());
 }

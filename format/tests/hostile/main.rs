@@ -1,16 +1,19 @@
 //! Bytes that are cut short, damaged or made up: an error, or an avatar that is safe to read.
 
 mod avatars;
+mod corpus;
 mod levels;
 mod round_trip;
+mod walk;
 
 use std::time::{Duration, Instant};
 
-use avatars::{all, walk};
+use avatars::all;
 use dermis_format::section::{Section, Sections, head, preamble, preamble_crc, section_crc};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Error, FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};
 use proptest::prelude::*;
+use walk::walk;
 
 /// Makes every CRC right, so that the checks behind them are reached.
 fn fix_crcs(bytes: &mut [u8]) {

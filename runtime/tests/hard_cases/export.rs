@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 use dermis_format::source::Source;
-use dermis_format::{Disc, FrameKind, Full};
+use dermis_format::{Disc, FrameKind, Full, Records};
 use dermis_runtime::error::Buffer;
 use dermis_runtime::math::dot;
 use dermis_runtime::{
@@ -258,4 +258,23 @@ fn exports_are_finite() {
             }
         }
     }
+}
+
+/// Ranges reach a little beyond what they hold: opacities of a file may be above 1, those of records are not.
+#[test]
+fn opacities_are_at_most_one() {
+    let mut above = 0;
+    for least in 1..40 {
+        let faint = Disc { opacity: 0.01 * least as f32, ..DOT };
+        let source = sheet(&[faint, DOT]);
+        let file = bytes(&source);
+        let block = Avatar::parse(&file).unwrap().blocks().next().unwrap();
+        let Records::Disc(discs) = block.records else { panic!("discs") };
+        above += discs.iter().filter(|disc| disc.opacity > 1.0).count();
+        let exported = all(&source, [0.0, 0.0, 2.0], Sides::All);
+        assert_eq!(exported.len(), 2);
+        assert!(exported.iter().all(|gaussian| (0.0..=1.0).contains(&gaussian.opacity)));
+    }
+    // Else the test said nothing.
+    assert!(above > 0, "{above} opacities above 1");
 }

@@ -17,7 +17,7 @@ use crate::Common;
 pub(crate) struct Arguments {
     /// An avatar.
     file: PathBuf,
-    /// The file to write: a PLY of 3D Gaussian Splatting (.ply), or SPZ of version 3 (.spz).
+    /// The file to write: a PLY of 3D Gaussian Splatting (.ply), SPZ of version 3 (.spz), or .splat.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -33,6 +33,7 @@ pub(crate) struct Arguments {
 enum Kind {
     Ply,
     Spz,
+    Splat,
 }
 
 /// What `--json` prints.
@@ -45,13 +46,17 @@ struct Report {
     sh_degree: u8,
     level: f32,
     left_out: Missing,
-    /// Gaussians with a number beyond the range of SPZ's codes.
+    /// Gaussians with a number beyond the range of the file's codes.
     clamped: usize,
-    /// Degree of the avatar's harmonics, where the file has colours from the front alone.
+    /// Degree of the avatar's harmonics, where the file has colours alone: on a mesh those from the front.
     #[serde(skip_serializing_if = "Option::is_none")]
     sh_degree_cut_from: Option<u8>,
     /// Whether other programs draw with another low-pass than the avatar has.
     other_low_pass: bool,
+    #[serde(skip)]
+    kind: Kind,
+    #[serde(skip)]
+    low_pass: LowPass,
 }
 
 /// Gaussians of the plan that are not in the file.
@@ -86,7 +91,10 @@ fn kind(output: &Path) -> Kind {
     match extension.as_deref() {
         Some("ply") => Kind::Ply,
         Some("spz") => Kind::Spz,
-        _ => super::misuse("--output: its name says what is written; end it in .ply or .spz"),
+        Some("splat") => Kind::Splat,
+        _ => {
+            super::misuse("--output: its name says what is written; end it in .ply, .spz or .splat")
+        }
     }
 }
 
@@ -97,11 +105,16 @@ fn exported(avatar: &Avatar<'_>, arguments: &Arguments, kind: Kind) -> Result<(R
     if arguments.turning.half_turn {
         splats.half_turn();
     }
+    if kind == Kind::Splat {
+        splats.cut_degree(0);
+    }
     let Packed { bytes, clamped } = match kind {
         Kind::Ply => Packed { bytes: export::ply(&splats), clamped: 0 },
         Kind::Spz => export::spz(&splats)?,
+        Kind::Splat => export::splat(&splats),
     };
     let (selected, gaussians) = (plan.gaussians(), splats.gaussians.len());
+    let low_pass = avatar.header().low_pass;
     let undrawn = (selected as usize).saturating_sub(gaussians + faint + wild);
     let report = Report {
         bytes: bytes.len(),
@@ -112,7 +125,10 @@ fn exported(avatar: &Avatar<'_>, arguments: &Arguments, kind: Kind) -> Result<(R
         left_out: Missing { faint, wild, undrawn },
         clamped,
         sh_degree_cut_from: splats.cut_from,
-        other_low_pass: avatar.header().low_pass == LowPass::Pixel,
+        other_low_pass: low_pass == LowPass::Pixel
+            || kind == Kind::Splat && low_pass == LowPass::Compensated,
+        kind,
+        low_pass,
     };
     Ok((report, bytes))
 }
@@ -129,19 +145,27 @@ fn losses(report: &Report) -> impl Iterator<Item = String> {
     });
     let clamped = (report.clamped > 0).then(|| {
         format!(
-            "{} Gaussians have a colour, harmonic or scale beyond SPZ's range and got the nearest; \
+            "{} Gaussians have a colour, harmonic or scale beyond the file's range and got the nearest; \
              a PLY holds them",
             report.clamped
         )
     });
     let cut = report.sh_degree_cut_from.map(|degree| {
-        format!(
-            "harmonics of degree {degree} hang on a mesh: colours are those seen from the front"
-        )
+        if report.kind == Kind::Splat {
+            format!("harmonics of degree {degree} are not in a .splat: colours are constant")
+        } else {
+            format!(
+                "harmonics of degree {degree} hang on a mesh: colours are those seen from the front"
+            )
+        }
     });
     let low_pass = report.other_low_pass.then(|| {
-        "the avatar was trained for a low-pass of 1/12 px²; other programs have 0.3 px² and show it softer"
-            .to_owned()
+        let loss = if report.low_pass == LowPass::Pixel {
+            "the avatar was trained for a low-pass of 1/12 px²; other programs have 0.3 px² and show it softer"
+        } else {
+            "a .splat does not say that the low-pass is compensated; other programs show small Gaussians stronger"
+        };
+        loss.to_owned()
     });
     [left_out, clamped, cut, low_pass].into_iter().flatten()
 }

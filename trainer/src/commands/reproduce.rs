@@ -12,18 +12,22 @@ use dermis_trainer::eval::Row;
 use dermis_trainer::import;
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{Options, Preset};
-use dermis_trainer::reproduce::{self, Measure, lapisgs, lodavatar};
+use dermis_trainer::reproduce::{self, Measure, formats, lapisgs, lodavatar};
 use serde::Serialize;
 
 use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Whose tables: LoDAvatar's 1 and 2, or LapisGS' 1 and 5.
+    /// Whose tables: LoDAvatar's 1 and 2, LapisGS' 1 and 5, or files of several formats.
     #[arg(value_enum)]
     paper: Paper,
     /// A rigged mesh: GLB, glTF or OBJ.
-    mesh: PathBuf,
+    #[arg(required_unless_present = "splat")]
+    mesh: Option<PathBuf>,
+    /// formats: trained Gaussians of another program in place of a mesh.
+    #[arg(long, value_name = "FILE", conflicts_with = "mesh")]
+    splat: Option<PathBuf>,
     /// How much effort each row takes: steps and key frames.
     #[arg(long, value_enum, default_value_t = Preset::Draft)]
     preset: Preset,
@@ -39,7 +43,7 @@ pub(crate) struct Arguments {
     /// Width and height of the pictures, px [default: of the preset].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
-    /// lapisgs: Gaussians of the finest level.
+    /// lapisgs, formats: Gaussians of the finest level.
     #[arg(long, default_value_t = 75_000, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
     gaussians: u32,
     /// lodavatar: leave out avatars of more Gaussians.
@@ -56,6 +60,17 @@ enum Paper {
     Lodavatar,
     /// Layers on an image pyramid, and its rivals.
     Lapisgs,
+    /// The same Gaussians as PLY, .splat, SPZ and .dermis.
+    Formats,
+}
+
+/// What `--json` prints of formats.
+#[derive(Serialize)]
+struct OfFormats {
+    cpu: String,
+    threads: usize,
+    #[serde(flatten)]
+    table: formats::Table,
 }
 
 /// What `--json` prints.
@@ -72,7 +87,8 @@ struct Report<T> {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let model = import::load(&arguments.mesh)?;
+    let Some(mesh) = &arguments.mesh else { return of_splats(arguments, common) };
+    let model = import::load(mesh)?;
     let preset = Options::preset(arguments.preset);
     let options = Options {
         gaussians: arguments.gaussians,
@@ -84,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         ..preset
     };
     let measure = Measure { key_frames: options.key_frames, views: options.views };
-    let named = || arguments.mesh.display().to_string();
+    let named = || mesh.display().to_string();
     match arguments.paper {
         Paper::Lodavatar => {
             let detail = detail(&model, arguments);
@@ -106,7 +122,57 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lapisgs)
         }
+        Paper::Formats => {
+            print_formats(common, formats::of_mesh(&model, &options).with_context(named)?)
+        }
     }
+}
+
+/// Formats of Gaussians that are trained.
+fn of_splats(arguments: &Arguments, common: &Common) -> Result<()> {
+    let Some(splat) = arguments.splat.as_ref().filter(|_| arguments.paper == Paper::Formats) else {
+        super::misuse("--splat: only formats takes it; give a mesh");
+    };
+    let options = Options::preset(arguments.preset);
+    let size = arguments.size.unwrap_or(options.size);
+    print_formats(common, formats::of_splats(splat, arguments.views, size, options.background)?)
+}
+
+fn print_formats(common: &Common, table: formats::Table) -> Result<()> {
+    let report = OfFormats { cpu: machine::cpu(), threads: rayon::current_num_threads(), table };
+    super::print(common, &report, text_of_formats)
+}
+
+fn text_of_formats(report: &OfFormats) -> String {
+    let OfFormats { cpu, threads, table } = report;
+    let formats::Table { gaussians, views, size, seconds, floats_foreground_db, rows } = table;
+    let mut out = format!("{gaussians} Gaussians, {views} pictures of {size}x{size}");
+    if let Some(seconds) = seconds {
+        let time = reproduce::CLOCK.measures();
+        out += &format!("; {cpu}, {threads} threads, {seconds:.0} s of {time} of training");
+    }
+    out.push('\n');
+    if let Some(db) = floats_foreground_db {
+        out += &format!("in floats {db:.2} dB to the mesh, over the foreground\n");
+    }
+    // Not −0.00.
+    let db = |db: f64| format!("{:.2}", (100.0 * db).round() / 100.0 + 0.0);
+    let cells = |row: &formats::Entry| {
+        let mut cells = vec![
+            row.format.to_owned(),
+            row.bytes.to_string(),
+            row.gaussian_bytes.to_string(),
+            format!("{:.2}", row.bytes_per_gaussian),
+            db(row.psnr_to_floats_db),
+        ];
+        // Those that need a mesh.
+        cells.extend(row.psnr_foreground_db.into_iter().chain(row.lost_db).map(db));
+        cells
+    };
+    let headings =
+        ["format", "bytes", "of Gaussians", "a Gaussian", "dB to floats", "dB to mesh", "dB lost"];
+    let headings = &headings[..if floats_foreground_db.is_some() { 7 } else { 5 }];
+    out + &aligned(headings, &rows.iter().map(cells).collect::<Vec<_>>())
 }
 
 fn report<T>(options: &Options, entries: Vec<T>) -> Report<T> {

@@ -3,7 +3,7 @@
 //! It starts from the runtime's posed vertices and decoded Gaussians. Discrete decisions (what is
 //! culled, in which order splats stand, which pixels skip a splat, which are finished) are the
 //! runtime's own f32 ones, so that the difference is rounding and nothing else. [`draw_own_reference`]
-//! decides all of it by itself.
+//! decides all of it by itself, and so does [`draw_free_reference`], of Gaussians that are in no file of ours.
 
 mod own;
 
@@ -22,7 +22,7 @@ use dermis_runtime::select::{Selected, for_each_block, for_each_of_block};
 use dermis_runtime::tiles::TileGrid;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 
-pub use own::draw_own_reference;
+pub use own::{draw_free_reference, draw_own_reference};
 
 /// A splat in f64.
 #[derive(Clone, Copy, Debug)]
@@ -106,7 +106,7 @@ impl Exact {
 }
 
 /// None where the triangle has no frame.
-fn exact_frame(posed: &Posed<'_, '_>, triangle: u32) -> Option<Frame<f64>> {
+pub(crate) fn exact_frame(posed: &Posed<'_, '_>, triangle: u32) -> Option<Frame<f64>> {
     let corner = |vertex: u32| posed.vertices()[vertex as usize].map(f64::from);
     let kind: FrameKind = posed.avatar().header().frame;
     Frame::of_triangle(kind, posed.avatar().triangle(triangle as usize).map(corner))

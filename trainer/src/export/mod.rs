@@ -2,13 +2,14 @@
 //!
 //! 1. [`posed`] takes the Gaussians of a plan into the world: of an avatar without a mesh as they stand, with
 //!    their harmonics; of another by [`Posed::export`], both sides of its mesh.
-//! 2. [`ply()`] and [`spz()`] write them; [`convert`](crate::convert) reads them again.
+//! 2. [`ply()`], [`spz()`] and [`splat()`] write them; [`convert`](crate::convert) reads them again.
 //!
 //! Axes and units stay the avatar's: metres and, where it was trained here, x to the right of who looks at its
 //! front, y up, z towards him, which is what SPZ prescribes. PLY prescribes nothing, but many viewers take what
 //! captures have (y down, z forward) for granted: [`Splats::half_turn`] leads from one to the other.
 
 mod ply;
+mod splat;
 mod spz;
 
 use anyhow::{Result, ensure};
@@ -22,7 +23,17 @@ use crate::convert::{LeftOut, Splats};
 use crate::orbit::Orbit;
 
 pub use ply::ply;
-pub use spz::{Packed, spz};
+pub use splat::splat;
+pub use spz::spz;
+
+/// A file, and what its codes could not hold.
+#[derive(Clone, Debug)]
+pub struct Packed {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// Gaussians with a number beyond its codes, which took the nearest.
+    pub clamped: usize,
+}
 
 /// Gaussians of a plan in the world, metres, as wide and as opaque as the plan has them.
 ///
@@ -106,7 +117,17 @@ fn hanging(
 /// shortest one.
 fn free(gaussian: &PosedGaussian) -> Splat<'static> {
     let axes = [gaussian.axis_0, gaussian.axis_1, gaussian.axis_2];
-    let mut axes = axes.map(|axis| DVec3::from(axis.map(f64::from)));
+    let PosedGaussian { center, opacity, red, green, blue, .. } = gaussian;
+    Splat {
+        position: center.map(f64::from),
+        color: [*red, *green, *blue].map(f64::from),
+        opacity: f64::from(*opacity),
+        ..of_axes(axes.map(|axis| DVec3::from(axis.map(f64::from))))
+    }
+}
+
+/// Rotation and scales of orthogonal axes, whose lengths are the standard deviations; nothing else.
+pub(crate) fn of_axes(mut axes: [DVec3; 3]) -> Splat<'static> {
     axes.sort_by(|a, b| b.length().total_cmp(&a.length()));
     let sigma = axes.map(DVec3::length);
     // Flat and thin Gaussians have directions that are not their axes'.
@@ -114,13 +135,12 @@ fn free(gaussian: &PosedGaussian) -> Splat<'static> {
     let second = axes[1].reject_from_normalized(first).try_normalize();
     let second = second.unwrap_or_else(|| first.any_orthonormal_vector());
     let turn = DQuat::from_mat3(&DMat3::from_cols(first, second, first.cross(second)));
-    let PosedGaussian { center, opacity, red, green, blue, .. } = gaussian;
     Splat {
-        position: center.map(f64::from),
+        position: [0.0; 3],
         rotation: [turn.w, turn.x, turn.y, turn.z],
         log2_scale: sigma.map(libm::log2),
-        color: [*red, *green, *blue].map(f64::from),
-        opacity: f64::from(*opacity),
+        color: [0.0; 3],
+        opacity: 0.0,
         harmonics: &[],
     }
 }

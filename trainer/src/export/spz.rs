@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
+use super::Packed;
 use crate::convert::Splats;
 use crate::convert::spz::{COMPENSATED, MAGIC};
 use crate::convert::spz_codes::{
@@ -18,18 +19,9 @@ const VERSION: u32 = 3;
 /// Positions have at most so many bits after the binary point, 15 µm: what compresses worse than it shows.
 const MOST_FRACTION_BITS: u8 = 16;
 
-/// A file, and what its codes could not hold.
-#[derive(Clone, Debug)]
-pub struct Packed {
-    /// The file.
-    pub bytes: Vec<u8>,
-    /// Gaussians with a number beyond its codes (a constant colour outside of −0.44 to 1.44, a coefficient outside
-    /// of −1 to 0.992, a scale over 384 m), which took the nearest.
-    pub clamped: usize,
-}
-
 /// Packs Gaussians into SPZ: positions within half of 15 µm, or of what 2²² such steps cannot reach; scales within
-/// 3.2 %, at least 45 µm; opacity within 1/510; constant colour within 1/270; coefficients within 1/256.
+/// 3.2 %, at least 45 µm; opacity within 1/510; constant colour within 1/270; coefficients within 1/256. Codes reach
+/// constant colours of −0.44 to 1.44, coefficients of −1 to 0.992 and scales of 384 m.
 ///
 /// # Errors
 ///

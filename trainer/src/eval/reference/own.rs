@@ -4,16 +4,19 @@
 //! Gaussian at an alpha of 1/255, two at nearly one depth), the pictures differ by more than rounding.
 
 use anyhow::Result;
+use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
+use dermis_runtime::harmonics::{color, direction};
 use dermis_runtime::project::View;
 use dermis_runtime::raster::LEAST_TRANSMITTANCE;
 use dermis_runtime::screen::SplatCamera;
-use dermis_runtime::select::{for_each_block, for_each_of_block};
+use dermis_runtime::select::{Harmonics, Local, Selected, for_each_block, for_each_of_block};
 use dermis_runtime::tiles::{TILE, TileGrid};
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed};
 use rayon::prelude::*;
 
 use super::{Exact, exact_alpha, exact_frame, exact_splat};
+use crate::convert::Splats;
 
 /// The least alpha that touches a pixel.
 const LEAST_ALPHA: f64 = 1.0 / 255.0;
@@ -33,8 +36,36 @@ pub fn draw_own_reference(
 ) -> Result<Vec<[f64; 3]>> {
     let mut posing = vec![0; Posed::scratch_len(avatar)];
     let posed = Posed::new(avatar, pose, Kernel::detect(), &mut posing)?;
+    Ok(paint(&visible(&posed, plan, camera), camera, background))
+}
+
+/// The same of free Gaussians that no file of ours holds, at the numbers that they have: those of an index that
+/// `is_shown`, in their order.
+pub fn draw_free_reference(
+    splats: &Splats,
+    is_shown: impl Fn(usize) -> bool,
+    low_pass: LowPass,
+    camera: &Camera,
+    background: [f32; 3],
+) -> Vec<[f64; 3]> {
+    let screen = SplatCamera::<f64> { view: View::new(camera), low_pass };
+    let shown = splats.gaussians.iter().enumerate().filter(|(index, _)| is_shown(*index));
+    let exact = shown.filter_map(|(index, full)| {
+        let selected = Selected { gaussian: Local::Full(*full), harmonics: Harmonics::default() };
+        let mut splat = exact_splat(&screen, &selected, &Frame::world())?;
+        let coefficients = splats.harmonics.get(index).map_or(&[][..], Vec::as_slice);
+        let coefficients = coefficients.as_chunks::<3>().0.iter().map(|rgb| rgb.map(f64::from));
+        let direction = direction(full.position.map(f64::from), screen.view.eye);
+        splat.color = color(full.color.map(f64::from), coefficients, direction);
+        splat.is_seen.then_some(splat)
+    });
+    paint(&exact.collect::<Vec<_>>(), camera, background)
+}
+
+/// Splats in the order that breaks ties of depth.
+fn paint(splats: &[Exact], camera: &Camera, background: [f32; 3]) -> Vec<[f64; 3]> {
     let grid = TileGrid::new(camera.width, camera.height);
-    let lists = lists(&grid, &visible(&posed, plan, camera));
+    let lists = lists(&grid, splats);
     let background = background.map(f64::from);
     let row_len = camera.width as usize;
     let mut picture = vec![background; row_len * camera.height as usize];
@@ -50,7 +81,7 @@ pub fn draw_own_reference(
             }
         },
     );
-    Ok(picture)
+    picture
 }
 
 /// The Gaussians of the plan that can be seen, in the order of the file.
