@@ -71,7 +71,7 @@ fn formats_hold_the_same_gaussians() {
     let table = formats::of_mesh(&demo_avatar(), &options).expect("it can be trained and measured");
     let floats = table.floats_foreground_db.expect("there is a mesh");
     let names: Vec<_> = table.rows.iter().map(|row| row.format).collect();
-    assert_eq!(names, ["ply", "splat", "spz", "dermis"]);
+    assert_eq!(names, ["ply", "splat", "spz", "dermis", "dermis, packed"]);
     assert_eq!((table.gaussians, table.views, table.size), (640, 4, 128));
     for row in &table.rows {
         let (db, lost) = (row.psnr_foreground_db, row.lost_db);
@@ -86,6 +86,9 @@ fn formats_hold_the_same_gaussians() {
     assert!(of("ply").gaussian_bytes > 640 * 56 && of("splat").bytes == 640 * 32);
     assert!(of("dermis").gaussian_bytes < of("spz").bytes, "{table:?}");
     assert!(of("dermis").gaussian_bytes < of("dermis").bytes, "mesh and rig are in the file");
+    let packed = of("dermis, packed");
+    assert!(packed.bytes < of("dermis").bytes && packed.gaussian_bytes < packed.bytes);
+    assert_eq!(packed.psnr_to_floats_db, of("dermis").psnr_to_floats_db);
 }
 
 #[test]
@@ -93,7 +96,7 @@ fn formats_hold_what_another_program_trained() {
     let folder = files::empty_folder("reproduce_formats");
     let path = written(&folder, "a.ply", SplatPly::random(300, 1, 5).bytes());
     let table = formats::of_splats(&path, 3, 96, WHITE).expect("it can be measured");
-    assert_eq!((table.gaussians, table.rows.len(), table.views), (300, 4, 3));
+    assert_eq!((table.gaussians, table.rows.len(), table.views), (300, 5, 3));
     let to_floats = |name| {
         let row = table.rows.iter().find(|row| row.format == name).expect("it is there");
         row.psnr_to_floats_db

@@ -12,7 +12,7 @@ use crate::walk::walk;
 /// A file, its flags and parameters before it: the fuzzer's limit.
 const MOST_BYTES: usize = 8192;
 /// The fuzzer's targets, and the bytes before a file: flags and parameters.
-const TARGETS: [(&str, usize); 2] = [("parse", 1 + 2), ("draw", 1 + 96)];
+const TARGETS: [(&str, usize); 3] = [("parse", 1 + 2), ("draw", 1 + 96), ("pack", 1 + 22)];
 
 fn folder(target: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/fuzz/corpus").join(target)

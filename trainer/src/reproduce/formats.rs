@@ -10,6 +10,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use dermis_format::LowPass;
+use dermis_format::packed;
 use dermis_format::section::{head, tag};
 use dermis_runtime::gaussian::disc_on;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose as RuntimePose, Posed};
@@ -92,7 +93,7 @@ pub fn of_mesh(model: &Model, options: &Options) -> Result<Table> {
     let posed = Posed::new(&avatar, &RuntimePose::Rest, Kernel::detect(), &mut scratch)?;
     let (floats, triangles) = at_rest(&trained.clouds, &posed);
     let mut files = of_others(&floats)?;
-    files.push(of_ours("dermis", trained.bytes.clone())?);
+    files.extend(of_ours(&trained.bytes)?);
     let is_whole = |filed: &Filed| match &filed.kept {
         Kept::Free(splats) => splats.gaussians.len() == floats.gaussians.len(),
         Kept::Avatar(_) => true,
@@ -157,7 +158,7 @@ pub fn of_mesh(model: &Model, options: &Options) -> Result<Table> {
 pub fn of_splats(path: &Path, views: u32, size: u32, background: [f32; 3]) -> Result<Table> {
     let (floats, _) = convert::read(path, None)?;
     let mut files = of_others(&floats)?;
-    files.push(of_ours("dermis", convert::pack(floats.clone())?)?);
+    files.extend(of_ours(&convert::pack(floats.clone())?)?);
     let low_pass = if floats.compensated { LowPass::Compensated } else { LowPass::Classic };
     let cameras = around(&floats, views, size);
     let mut sums = vec![0.0; files.len()];
@@ -252,12 +253,23 @@ fn of_others(splats: &Splats) -> Result<Vec<Filed>> {
     files.into_iter().map(filed).collect()
 }
 
-/// A file of ours, as it is read in place.
-fn of_ours(format: &'static str, file: Vec<u8>) -> Result<Filed> {
+/// A file of ours, as it is read in place and as it is packed.
+fn of_ours(file: &[u8]) -> Result<[Filed; 2]> {
     let of_gaussians = |tag| [tag::BLOCK, tag::LEVEL].contains(&tag);
-    let sections = Avatar::parse(&file)?.sections().filter(|section| of_gaussians(section.tag));
-    let gaussian_bytes = sections.map(|section| head::LEN + section.payload.len()).sum();
-    Ok(Filed { format, bytes: file.len(), gaussian_bytes, kept: Kept::Avatar(file) })
+    let sections = Avatar::parse(file)?.sections().filter(|section| of_gaussians(section.tag));
+    let packed = packed::pack(file)?;
+    let filed = |format, bytes, gaussian_bytes, file| Filed {
+        format,
+        bytes,
+        gaussian_bytes,
+        kept: Kept::Avatar(file),
+    };
+    let in_place = sections.map(|section| head::LEN + section.payload.len()).sum();
+    let unpacked = packed::unpack(&packed)?;
+    Ok([
+        filed("dermis", file.len(), in_place, file.to_vec()),
+        filed("dermis, packed", packed.len(), packed::bytes_of_gaussians(&packed)?, unpacked),
+    ])
 }
 
 /// All of a file of ours at rest.
