@@ -21,6 +21,7 @@
 
 pub mod assembly;
 mod bind;
+mod coarse;
 mod compressed_ply;
 mod detect;
 mod gaussian_avatars;
@@ -49,6 +50,7 @@ use crate::output::regular_file;
 use crate::{import, package};
 use assembly::Levels;
 pub use assembly::{Assembly, Carrier};
+pub use coarse::{Coarsening, Measured, pack_nested};
 use nested::Nested;
 use splat_ply::{BINDING, SplatPly};
 pub use splats::{LeftOut, Splats};

@@ -79,7 +79,7 @@ fn ranked(curve: &[u32]) -> Vec<u32> {
 }
 
 /// Gaussians of each layer.
-fn layers(count: u32) -> Vec<u32> {
+pub(super) fn layers(count: u32) -> Vec<u32> {
     let mut ends = vec![count];
     while ends.len() < MAX_LAYERS && ends[0] / 4 >= COARSEST {
         ends.insert(0, ends[0] / 4);
