@@ -9,6 +9,7 @@
 //!    series of files to levels, and `bind` hangs free Gaussians on a mesh: `nearest` finds the triangle,
 //!    `local` turns them into its frame. [`assembly`] is what comes of it.
 //! 3. `nested` puts them in an order whose every prefix is a picture.
+//!    [`coarse`] makes coarser levels of them, if asked to: merged, and trained to look like all.
 //! 4. [`pack`] encodes them: full records, the low-pass that they were trained for; frame World where
 //!    they stand free.
 //!
@@ -21,7 +22,7 @@
 
 pub mod assembly;
 mod bind;
-mod coarse;
+pub mod coarse;
 mod compressed_ply;
 mod detect;
 mod gaussian_avatars;

@@ -4,8 +4,8 @@
 //! 1. [`merge`] makes few Gaussians of many; what is merged at one level is merged further at the one before.
 //! 2. [`views`] renders all Gaussians from around, in several poses where a mesh carries them.
 //! 3. [`train`] lets the merged ones of a level match these pictures, one level after the other.
-//! 4. The file holds all levels, from coarse to fine, and then the Gaussians that came, as they came. An opacity
-//!    for each level says who is seen: who was merged takes the place of his whole.
+//! 4. The file holds all levels, from coarse to fine, and then the Gaussians that came, as they came, first where the
+//!    levels are worst. An opacity for each level says who is seen: what is merged gives way to what it was merged of.
 //! 5. [`measure`] draws the file from elsewhere, and says how far it is from renders of all.
 
 mod measure;
@@ -13,12 +13,12 @@ mod merge;
 mod train;
 mod views;
 
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, ensure};
 use dermis_format::{Full, LowPass};
 use dermis_runtime::Avatar;
 use glam::{DMat3, DQuat, DVec3};
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, Levels};
 use super::local::{local, principal_axes};
 use super::nested;
 use super::pack;
@@ -50,7 +50,11 @@ impl Default for Coarsening {
     }
 }
 
-/// The opacity to which a Gaussian that is merged of others begins at most: it must be able to descend.
+/// Levels in which those that came take their places, so that counts between are pictures that are better the more
+/// Gaussians they have. Each costs a byte for each Gaussian that is there before it.
+const TURNS: usize = 4;
+
+/// The opacity with which a Gaussian that is merged of others begins at most: it must be able to descend.
 const MOST_OPAQUE: f64 = 0.98;
 
 /// Bytes of an avatar with coarser levels, and how good each is.
@@ -69,21 +73,85 @@ pub fn pack_nested(assembly: Assembly, options: &Coarsening) -> Result<(Vec<u8>,
     let layers = nested::layers(u32::try_from(all.len())?);
     ensure!(
         layers.len() > 1,
-        "{} Gaussians are too few to be halved twice; leave --nested out",
+        "its {} Gaussians are too few for coarser levels, which begin at 1024; leave --nested out",
         all.len()
     );
     let poses = Poses::of(&assembly, &all)?;
     let shots = poses.shots(&training_directions(), options.size);
     let views = poses.observe(&all, low_pass, &shots, options.memory_bytes)?;
     // Each level but the last has as many as its layer: what was there before is not seen any more.
-    let earlier = &layers[..layers.len() - 1];
-    let levels = merged_levels(&assembly, &all, &poses, earlier, options);
+    let coarser = &layers[..layers.len() - 1];
+    let (mut levels, wholes) = merged_levels(&assembly, &all, &poses, coarser, options);
     let mut trainer = Trainer::new(&poses, &views, low_pass, Random::new(options.seed));
-    let assembly = trainer.train(assembly, levels, options)?;
+    trainer.train(&mut levels, options.steps)?;
+    let finest = levels.last().context("there is a level")?;
+    let turns = turns(&trainer.residuals(finest)?, &wholes);
+    let assembly = one_after_the_other(assembly, levels, &wholes, &turns);
     let bytes = pack(assembly)?;
     let novel = poses.shots(&novel_directions(), options.size);
     let measured = measure::measure(&Avatar::parse(&bytes)?, &all, &poses, low_pass, &novel)?;
     Ok((bytes, measured))
+}
+
+/// When each Gaussian of the finest level that was trained gives way to those that it was merged of, in 0..[`TURNS`]:
+/// first where most of the error goes for each of them. Each turn has about as many.
+fn turns(residuals: &[f64], wholes: &[u32]) -> Vec<usize> {
+    let mut parts = vec![0u32; residuals.len()];
+    wholes.iter().for_each(|&whole| parts[whole as usize] += 1);
+    let gain = |whole: usize| residuals[whole] / f64::from(parts[whole].max(1));
+    let mut order: Vec<usize> = (0..residuals.len()).collect();
+    order.sort_by(|&a, &b| gain(b).total_cmp(&gain(a)));
+    let mut turns = vec![0; residuals.len()];
+    let mut before = 0;
+    for whole in order {
+        turns[whole] = before * TURNS / wholes.len();
+        before += parts[whole] as usize;
+    }
+    turns
+}
+
+/// Trained levels, then those that came, in the order of their turns.
+fn one_after_the_other(
+    mut assembly: Assembly,
+    levels: Vec<Fulls>,
+    wholes: &[u32],
+    turns: &[usize],
+) -> Assembly {
+    let Assembly { splats, mount, .. } = &mut assembly;
+    let turn = |index: usize| turns[wholes[index] as usize];
+    let mut order: Vec<usize> = (0..wholes.len()).collect();
+    order.sort_by_key(|&index| turn(index));
+    let mut joined = Levels::default();
+    let mut all = Fulls::default();
+    let last = levels.len() - 1;
+    for (index, mut level) in levels.into_iter().enumerate() {
+        joined.layers.push(level.len() as u32);
+        for (at, full) in level.gaussians.iter().enumerate() {
+            let seen = if index == last { turns[at] } else { 0 };
+            let mut later = vec![full.opacity; seen];
+            later.resize(last - index + TURNS, 0.0);
+            joined.later_opacities.push(later);
+        }
+        all.gaussians.append(&mut level.gaussians);
+        all.triangles.append(&mut level.triangles);
+        all.harmonics.append(&mut level.harmonics);
+    }
+    let counts = (0..TURNS).map(|t| order.iter().filter(|&&index| turn(index) == t).count() as u32);
+    joined.layers.extend(counts);
+    for &index in &order {
+        let full = splats.gaussians[index];
+        joined.later_opacities.push(vec![full.opacity; TURNS - 1 - turn(index)]);
+        all.gaussians.push(full);
+        all.harmonics.extend(splats.harmonics.get_mut(index).map(std::mem::take));
+    }
+    splats.gaussians = all.gaussians;
+    splats.harmonics = all.harmonics;
+    if let Some(mount) = mount {
+        all.triangles.extend(order.iter().map(|&index| mount.triangles[index]));
+        mount.triangles = all.triangles;
+    }
+    assembly.levels = Some(joined);
+    assembly
 }
 
 /// Gaussians of an assembly on the triangles of its stages.
@@ -99,14 +167,15 @@ fn fulls(assembly: &Assembly) -> Fulls {
     }
 }
 
-/// The Gaussians of each level before they are trained, as many as asked for.
+/// The Gaussians of each level before they are trained, as many as asked for, and of each Gaussian that came the one
+/// of the last of these levels that it is part of.
 fn merged_levels(
     assembly: &Assembly,
     all: &Fulls,
     poses: &Poses,
     counts: &[u32],
     options: &Coarsening,
-) -> Vec<Fulls> {
+) -> (Vec<Fulls>, Vec<u32>) {
     let blobs = all.gaussians.iter().zip(&all.triangles).map(|(full, &triangle)| {
         let points = poses.stages.iter().map(|stage| {
             let frame = stage.frames[triangle as usize].as_ref();
@@ -114,12 +183,12 @@ fn merged_levels(
                 .map_or(DVec3::ZERO, |frame| DVec3::from(frame.point(full.position).map(f64::from)))
         });
         let points: Vec<DVec3> = points.collect();
-        let axes =
-            poses.stages[0].frames[triangle as usize].as_ref().map_or(DMat3::IDENTITY, |frame| {
-                let [x, y, z] =
-                    [frame.x, frame.y, frame.z].map(|axis| DVec3::from(axis.map(f64::from)));
-                DMat3::from_cols(x, y, z)
-            });
+        let frame = poses.stages[0].frames[triangle as usize].as_ref();
+        // Without a frame it is not seen: a point.
+        let axes = frame.map_or(DMat3::from_diagonal(DVec3::splat(1e-6)), |frame| {
+            let [x, y, z] = [frame.x, frame.y, frame.z].map(|axis| axis.map(f64::from));
+            DMat3::from_cols(x.into(), y.into(), z.into())
+        });
         let covariance = covariance(full, axes);
         Blob {
             mass: f64::from(full.opacity) * area(&covariance).max(1e-30),
@@ -130,16 +199,19 @@ fn merged_levels(
         }
     });
     let mut merged = Merged::new(blobs.collect(), f64::from(poses.pixel(options.size)) * 0.5);
-    let mut levels: Vec<Fulls> = counts
-        .iter()
-        .rev()
-        .map(|&count| {
-            let blobs = merged.reduce_to(count as usize);
-            level(assembly, all, &merged, &blobs)
-        })
-        .collect();
+    let mut wholes = vec![0; all.len()];
+    let mut levels = Vec::new();
+    for &count in counts.iter().rev() {
+        let blobs = merged.reduce_to(count as usize);
+        if levels.is_empty() {
+            for (whole, &blob) in (0..).zip(&blobs) {
+                merged.parts(blob).iter().for_each(|&part| wholes[part as usize] = whole);
+            }
+        }
+        levels.push(level(assembly, all, &merged, &blobs));
+    }
     levels.reverse();
-    levels
+    (levels, wholes)
 }
 
 /// Merged Gaussians in the frames of the heaviest of their parts.
@@ -185,7 +257,9 @@ fn covariance(full: &Full, axes: DMat3) -> DMat3 {
 
 /// A merged Gaussian in world axes.
 fn full(blob: &Blob) -> Full {
-    let (turn, squares) = principal_axes(blob.covariance);
+    let c = blob.covariance;
+    let least = 1e-9 * (c.x_axis.x + c.y_axis.y + c.z_axis.z);
+    let (turn, squares) = principal_axes(c + DMat3::from_diagonal(DVec3::splat(least)));
     let longest = squares.into_iter().fold(0.0, f64::max).sqrt();
     let DQuat { x, y, z, w } = DQuat::from_mat3(&turn).normalize();
     Full {
