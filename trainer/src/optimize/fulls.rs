@@ -24,7 +24,6 @@ use rayon::prelude::*;
 
 use super::adam::{Rates, descend};
 use super::backward::SplatGradient;
-use super::cloud::Freedom;
 use super::forward::{Forward, Stage};
 use super::projection::{ByScreen, by_full};
 use crate::picture::Picture;
@@ -191,8 +190,6 @@ pub struct Mover<'a> {
     pub stage: &'a Stage,
     /// How far to go.
     pub rates: Rates,
-    /// What may move of the first Gaussians, so many of them; the others are free.
-    pub bound: (usize, Freedom),
 }
 
 impl Mover<'_> {
@@ -224,16 +221,7 @@ impl Mover<'_> {
                 let by = by_fulls(&view, self.low_pass, batch);
                 for ((&source, by_splat), by) in of_each.zip(by) {
                     let at = source as usize - first;
-                    let bound = (source as usize) < self.bound.0;
-                    let freedom = if bound { self.bound.1 } else { Freedom::Free };
-                    self.step(
-                        &mut gaussians[at],
-                        &mut moments[at],
-                        sigmas[at],
-                        by,
-                        by_splat,
-                        freedom,
-                    );
+                    self.step(&mut gaussians[at], &mut moments[at], sigmas[at], by, by_splat);
                 }
             }
         });
@@ -246,23 +234,13 @@ impl Mover<'_> {
         sigma: f32,
         [places, turns, scales]: [Row; 3],
         by: &SplatGradient,
-        freedom: Freedom,
     ) {
         let opacity = full.opacity.clamp(OPACITIES[0], OPACITIES[1]);
         // d log₂ o / d logit = (1 − o) log₂ e.
         let logit = by.log2_opacity * core::f32::consts::LOG2_E * (1.0 - opacity);
         let ([x, y, z, _], [i, j, k, _], [s, t, u, _]) = (places, turns, scales);
         let [r, g, b] = by.color;
-        let mut gradient = [x, y, z, i, j, k, s, t, u, logit, r, g, b];
-        match freedom {
-            Freedom::Fixed => return,
-            Freedom::Opacity => {
-                gradient = [0.0; NUMBERS];
-                gradient[9] = logit;
-            }
-            Freedom::Anchored => gradient[..3].fill(0.0),
-            Freedom::Free => {}
-        }
+        let gradient = [x, y, z, i, j, k, s, t, u, logit, r, g, b];
         if !gradient.iter().all(|g| g.is_finite()) {
             return;
         }

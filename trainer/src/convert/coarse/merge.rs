@@ -197,3 +197,60 @@ impl Merged {
 }
 
 type Heap = BinaryHeap<Reverse<(u64, u32, u32)>>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::optimize::schedule::Random;
+
+    const SIGMA: f64 = 0.01;
+
+    fn ball(mean: DVec3, color: DVec3, posed: Vec<DVec3>) -> Blob {
+        let covariance = DMat3::from_diagonal(DVec3::splat(SIGMA * SIGMA));
+        Blob { mass: area(&covariance), mean, covariance, color, posed }
+    }
+
+    #[test]
+    fn like_merges_with_like_and_moments_stay() {
+        let mut random = Random::new(3);
+        let mut place = || DVec3::from([(); 3].map(|()| SIGMA * f64::from(random.unit())));
+        let colors = [DVec3::X, DVec3::Z];
+        let blobs: Vec<Blob> = (0..60).map(|i| ball(place(), colors[i % 2], vec![])).collect();
+        let sums = |blobs: &[&Blob]| {
+            let outer = |m: DVec3| DMat3::from_cols(m * m.x, m * m.y, m * m.z);
+            let mass: f64 = blobs.iter().map(|b| b.mass).sum();
+            let mean: DVec3 = blobs.iter().map(|b| b.mass * b.mean).sum();
+            let second = blobs.iter().map(|b| (b.covariance + outer(b.mean)) * b.mass);
+            (mass, mean, second.fold(DMat3::ZERO, |sum, b| sum + b))
+        };
+        let before = sums(&blobs.iter().collect::<Vec<_>>());
+        let mut merged = Merged::new(blobs, 1e-4);
+        for count in [11, 2] {
+            let left = merged.reduce_to(count);
+            assert_eq!(left.len(), count);
+            let left: Vec<&Blob> = left.iter().map(|&i| &merged.blobs[i as usize]).collect();
+            assert!(left.iter().all(|b| colors.iter().any(|c| c.abs_diff_eq(b.color, 1e-9))));
+            let after = sums(&left);
+            assert!((after.0 - before.0).abs() < 1e-9 * before.0);
+            assert!(after.1.abs_diff_eq(before.1, 1e-9 * before.0));
+            assert!(after.2.abs_diff_eq(before.2, 1e-9 * before.0));
+        }
+        let mut parts: Vec<u32> =
+            merged.alive().into_iter().flat_map(|whole| merged.parts(whole)).collect();
+        parts.sort_unstable();
+        assert!(parts.into_iter().eq(0..60), "each is part of one");
+    }
+
+    #[test]
+    fn what_parts_in_a_pose_stays_apart() {
+        let at = |x: f64, posed: f64| ball(DVec3::X * x, DVec3::ONE, vec![DVec3::X * posed]);
+        // By place at rest the second one is the first one's nearest.
+        let blobs = vec![at(0.0, 0.0), at(0.001, 1.0), at(0.01, 0.01), at(0.011, 1.01)];
+        let mut merged = Merged::new(blobs, 1e-4);
+        let mut pairs: Vec<Vec<u32>> =
+            merged.reduce_to(2).into_iter().map(|whole| merged.parts(whole)).collect();
+        pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+        pairs.sort();
+        assert_eq!(pairs, [[0, 2], [1, 3]]);
+    }
+}

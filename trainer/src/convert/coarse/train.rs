@@ -7,7 +7,6 @@ use super::views::Poses;
 use crate::metrics::ssim::SsimWorkspace;
 use crate::optimize::adam::Rates;
 use crate::optimize::backward::by_splats;
-use crate::optimize::cloud::Freedom;
 use crate::optimize::descend::region;
 use crate::optimize::fulls::{Fulls, Motion, Mover};
 use crate::optimize::loss::Loss;
@@ -114,7 +113,6 @@ impl<'a> Trainer<'a> {
                 low_pass: self.low_pass,
                 stage,
                 rates: schedule.rates_at(step),
-                bound: (0, Freedom::Free),
             };
             mover.advance(level, &mut motion, &forward, &gradients);
         }
