@@ -163,7 +163,7 @@ fn a_quarter_is_6_db_better_than_the_best_by_any_rank() {
     let path = written(&files::empty_folder("convert_nested_leaves"), "a.ply", ply.bytes());
     let options = Coarsening { steps: 300, size: 200, ..Coarsening::default() };
     let views: Vec<_> = [15.0, 135.0, 255.0].map(|yaw| (yaw, 10.0, 0.7)).to_vec();
-    let rows = compared("leaves", &path, &ply, &options, (&views, 200), &[0.25]);
+    let rows = compared("leaves", &path, &ply, &options, (&views, 200), &[0.25, 0.5]);
     assert!(rows[0][0] > rows[0][1] + 6.0, "{rows:.2?}");
 }
 

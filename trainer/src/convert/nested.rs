@@ -89,7 +89,7 @@ pub(super) fn layers(count: u32) -> Vec<u32> {
 }
 
 /// Indices of the Gaussians along Morton's curve through cubes; where cubes agree, as they came.
-fn along_curve(centers: &[[f32; 3]]) -> Vec<u32> {
+pub(super) fn along_curve(centers: &[[f32; 3]]) -> Vec<u32> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
     for center in centers {

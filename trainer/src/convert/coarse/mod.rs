@@ -23,6 +23,7 @@ use super::local::{local, principal_axes};
 use super::nested;
 use super::pack;
 use super::splats::Splats;
+use crate::optimize::forward::Stage;
 use crate::optimize::fulls::Fulls;
 use crate::optimize::schedule::Random;
 use crate::scene::{novel_directions, training_directions};
@@ -53,6 +54,9 @@ impl Default for Coarsening {
 /// Levels in which those that came take their places, so that counts between are pictures that are better the more
 /// Gaussians they have. Each costs a byte for each Gaussian that is there before it.
 const TURNS: usize = 4;
+
+/// Parts of a level's curve that take their turns as one.
+const RUNS: usize = 32;
 
 /// The opacity with which a Gaussian that is merged of others begins at most: it must be able to descend.
 const MOST_OPAQUE: f64 = 0.98;
@@ -85,7 +89,7 @@ pub fn pack_nested(assembly: Assembly, options: &Coarsening) -> Result<(Vec<u8>,
     let mut trainer = Trainer::new(&poses, &views, low_pass, Random::new(options.seed));
     trainer.train(&mut levels, options.steps)?;
     let finest = levels.last().context("there is a level")?;
-    let turns = turns(&trainer.residuals(finest)?, &wholes);
+    let turns = turns(finest, &poses.stages[0], &trainer.residuals(finest)?, &wholes);
     let assembly = one_after_the_other(assembly, levels, &wholes, &turns);
     let bytes = pack(assembly)?;
     let novel = poses.shots(&novel_directions(), options.size);
@@ -93,19 +97,33 @@ pub fn pack_nested(assembly: Assembly, options: &Coarsening) -> Result<(Vec<u8>,
     Ok((bytes, measured))
 }
 
-/// When each Gaussian of the finest level that was trained gives way to those that it was merged of, in 0..[`TURNS`]:
-/// first where most of the error goes for each of them. Each turn has about as many.
-fn turns(residuals: &[f64], wholes: &[u32]) -> Vec<usize> {
+/// When each Gaussian of the finest level that was trained gives way to those that it was merged of, in 0..[`TURNS`].
+/// Neighbours do so together, first where most of the error goes for each Gaussian that comes: what was trained as one
+/// does not fit what was not, and the seams between them show. Each turn has about as many.
+fn turns(finest: &Fulls, stage: &Stage, residuals: &[f64], wholes: &[u32]) -> Vec<usize> {
     let mut parts = vec![0u32; residuals.len()];
     wholes.iter().for_each(|&whole| parts[whole as usize] += 1);
-    let gain = |whole: usize| residuals[whole] / f64::from(parts[whole].max(1));
-    let mut order: Vec<usize> = (0..residuals.len()).collect();
-    order.sort_by(|&a, &b| gain(b).total_cmp(&gain(a)));
+    let center = |(full, &triangle): (&Full, &u32)| {
+        stage.frames[triangle as usize].map_or([0.0; 3], |frame| frame.point(full.position))
+    };
+    let centers: Vec<[f32; 3]> =
+        finest.gaussians.iter().zip(&finest.triangles).map(center).collect();
+    let curve = nested::along_curve(&centers);
+    let count =
+        |run: &[u32]| run.iter().map(|&whole| parts[whole as usize] as usize).sum::<usize>();
+    let gain = |run: &[u32]| {
+        let error: f64 = run.iter().map(|&whole| residuals[whole as usize]).sum();
+        error / count(run).max(1) as f64
+    };
+    let mut runs: Vec<&[u32]> = curve.chunks(curve.len().div_ceil(RUNS)).collect();
+    runs.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     let mut turns = vec![0; residuals.len()];
     let mut before = 0;
-    for whole in order {
-        turns[whole] = before * TURNS / wholes.len();
-        before += parts[whole] as usize;
+    for run in runs {
+        // By its middle.
+        let turn = (before + count(run) / 2) * TURNS / wholes.len();
+        run.iter().for_each(|&whole| turns[whole as usize] = turn.min(TURNS - 1));
+        before += count(run);
     }
     turns
 }
