@@ -3,10 +3,10 @@
 //! What belongs to one Gaussian is gathered in rows of four numbers, and turned into columns in
 //! registers: a row is one move where its numbers would be four.
 
-use dermis_format::Disc;
+use dermis_format::{Disc, Full};
 
 use crate::frame::Frame;
-use crate::gaussian::disc_on;
+use crate::gaussian::{disc_on, full_on};
 use crate::harmonics::not_below_zero;
 use crate::lanes::{Lanes, Row, load_rows};
 use crate::math::Real;
@@ -136,6 +136,78 @@ impl Batch for Discs {
         let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
         let disc = disc_on(&self.frames.load(token, at), [x, y, z], angle, [s, t]);
         let (projected, drawable) = project(&camera.view, camera.low_pass, &disc);
+        OnScreen { projected, drawable, opacity, color: not_below_zero([r, g, b]) }
+    }
+}
+
+/// Gaussians with rotation and three scales that are not quantized, in the colours in which they are seen.
+#[derive(Clone, Debug)]
+pub struct Fulls {
+    len: usize,
+    frames: FrameRows,
+    /// Position, then opacity.
+    places: [Row; BATCH],
+    rotations: [Row; BATCH],
+    /// log₂ of the scales, nothing.
+    scales: [Row; BATCH],
+    /// Colour, nothing.
+    colors: [Row; BATCH],
+}
+
+impl Fulls {
+    /// None.
+    pub fn new() -> Self {
+        let rows = [[0.0; 4]; BATCH];
+        let frames = FrameRows::new();
+        Self { len: 0, frames, places: rows, rotations: rows, scales: rows, colors: rows }
+    }
+
+    /// Puts a Gaussian on `frame` behind the others; a full batch stays as it is.
+    #[inline]
+    pub fn push(&mut self, full: &Full, frame: &Frame<f32>) {
+        let lane = self.len;
+        if lane >= BATCH {
+            return;
+        }
+        let ([x, y, z], [s, t, u], [r, g, b]) = (full.position, full.log2_scale, full.color);
+        self.frames.set(lane, frame.rows().each_ref());
+        self.places[lane] = [x, y, z, full.opacity];
+        self.rotations[lane] = full.rotation;
+        self.scales[lane] = [s, t, u, 0.0];
+        self.colors[lane] = [r, g, b, 0.0];
+        self.len = lane + 1;
+    }
+
+    /// Removes all.
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+}
+
+impl Default for Fulls {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Batch for Fulls {
+    fn len(&self) -> usize {
+        self.len
+    }
+
+    #[inline(always)]
+    fn project<V: Lanes>(
+        &self,
+        token: V::Token,
+        at: usize,
+        camera: &SplatCamera<V>,
+    ) -> OnScreen<V> {
+        let [x, y, z, opacity] = load_rows::<V>(token, &self.places, at);
+        let rotation = load_rows::<V>(token, &self.rotations, at);
+        let [s, t, u, _] = load_rows::<V>(token, &self.scales, at);
+        let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
+        let full = full_on(&self.frames.load(token, at), [x, y, z], rotation, [s, t, u]);
+        let (projected, drawable) = project(&camera.view, camera.low_pass, &full);
         OnScreen { projected, drawable, opacity, color: not_below_zero([r, g, b]) }
     }
 }

@@ -8,7 +8,7 @@ use std::slice;
 use dermis_format::{FrameKind, LowPass};
 use dermis_runtime::Camera;
 use dermis_runtime::frame::Frame;
-use dermis_runtime::gaussian::disc_on;
+use dermis_runtime::gaussian::{disc_on, full_on};
 use dermis_runtime::math::{dot, rotation_rows};
 use dermis_runtime::plan::prefix_log2_scale;
 use dermis_runtime::project::{View, project};
@@ -17,7 +17,7 @@ use dermis_trainer::optimize::backward::by_splats;
 use dermis_trainer::optimize::cloud::{Cloud, Freedom, PARAMETERS, Parameters, Prefix, Seed};
 use dermis_trainer::optimize::discs::{BATCH, ByDiscs};
 use dermis_trainer::optimize::forward::{Forward, Stage, draw};
-use dermis_trainer::optimize::projection::{ByScreen, by_disc};
+use dermis_trainer::optimize::projection::{ByScreen, by_disc, by_full};
 use dermis_trainer::optimize::schedule::Random;
 
 const KINDS: [LowPass; 3] = [LowPass::Compensated, LowPass::Classic, LowPass::Pixel];
@@ -136,6 +136,76 @@ fn projection_has_the_gradient_of_the_runtimes_projection() {
     }
     println!("{tested} discs, {clamped} of them clamped, worst relative error {worst:.1e}");
     assert!(tested > 300 && clamped > 100, "{tested} {clamped}");
+}
+
+/// A rotation, and after it one about `turn` by as much as that is long.
+fn turned([w, x, y, z]: [f64; 4], turn: [f64; 3]) -> [f64; 4] {
+    let angle = dot(turn, turn).sqrt();
+    let (sin, c) = (0.5 * angle).sin_cos();
+    let [i, j, k] = turn.map(|t| if angle > 0.0 { t / angle * sin } else { 0.0 });
+    [
+        c * w - i * x - j * y - k * z,
+        c * x + i * w + j * z - k * y,
+        c * y - i * z + j * w + k * x,
+        c * z + i * y - j * x + k * w,
+    ]
+}
+
+#[test]
+fn projection_of_three_axes_has_the_gradient_of_the_runtimes_projection() {
+    let mut random = Random::new(19);
+    let (mut worst, mut tested) = (0.0f64, 0);
+    const STEP: f64 = 1e-4;
+    for round in 0..600 {
+        let (view, frame, [x, y, z, .., s, t]) = random_disc(&mut random);
+        let low_pass = KINDS[round % 3];
+        let quaternion = [0; 4].map(|_| f64::from(between(&mut random, -1.0, 1.0)));
+        let length = quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+        let rotation = quaternion.map(|q| q / length);
+        let at = [x, y, z, 0.0, 0.0, 0.0, s, t, f64::from(between(&mut random, -3.0, 0.5))];
+        let screen = |[x, y, z, i, j, k, s, t, u]: [f64; 9]| {
+            let full = full_on(&frame, [x, y, z], turned(rotation, [i, j, k]), [s, t, u]);
+            let (p, drawable) = project(&view, low_pass, &full);
+            let [a, b, c] = p.falloff;
+            drawable.then(|| [p.mean[0], p.mean[1], a, b, c, p.compensation.log2()])
+        };
+        let moved = |i: usize, h: f64| {
+            let mut p = at;
+            p[i] += h;
+            p
+        };
+        let slopes = |p: [f64; 9]| clamps(&view, &frame, [p[0], p[1], p[2], 0.0, 0.0, 0.0]);
+        let here = slopes(at);
+        let near = |i| [-2.0 * STEP, 2.0 * STEP].iter().any(|&h| slopes(moved(i, h)) != here);
+        let Some(now) = screen(at).filter(|_| !(0..3).any(near)) else { continue };
+        tested += 1;
+        let weights: [f64; 6] = std::array::from_fn(|i| {
+            f64::from(between(&mut random, -1.0, 1.0))
+                / if (2..5).contains(&i) { now[2].abs() + now[4].abs() } else { 1.0 }
+        });
+        let value = |p| {
+            let outputs = screen(p).expect("it is as near as before");
+            outputs.iter().zip(weights).map(|(x, w)| x * w).sum::<f64>()
+        };
+        let by = ByScreen {
+            mean: [weights[0], weights[1]],
+            falloff: [weights[2], weights[3], weights[4]],
+            log2_opacity: weights[5],
+        };
+        let by = by_full(&view, low_pass, &frame, ([x, y, z], rotation, [s, t, at[8]]), &by);
+        let analytic = [by.position, by.turn, by.log2_scale];
+        let numeric: [f64; 9] = std::array::from_fn(|i| central(STEP, |h| value(moved(i, h))));
+        for (i, (kind, n)) in analytic.iter().zip(numeric.as_chunks::<3>().0).enumerate() {
+            let size = dot(*n, *n).sqrt().max(if i > 0 { 0.1 } else { 0.0 });
+            for (a, n) in kind.iter().zip(n) {
+                let error = (a - n).abs() / size;
+                assert!(error < 1e-6, "round {round}, {i}: {a} instead of {n}");
+                worst = worst.max(error);
+            }
+        }
+    }
+    println!("{tested} Gaussians, worst relative error {worst:.1e}");
+    assert!(tested > 300, "{tested}");
 }
 
 const SIZE: u32 = 48;

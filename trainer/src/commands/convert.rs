@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use dermis_runtime::Avatar;
-use dermis_trainer::convert::{self, Kind, LeftOut, Taken};
+use dermis_trainer::convert::{self, Coarsening, Kind, LeftOut, Measured, Taken};
 use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
@@ -31,6 +31,12 @@ pub(crate) struct Arguments {
     /// Greatest degree of harmonics to keep [default: all, up to 3].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: Option<u8>,
+    /// Make coarser levels, each a quarter of the next, and train them against renders of all Gaussians.
+    #[arg(long)]
+    nested: bool,
+    /// Training steps of all levels.
+    #[arg(long, default_value_t = Coarsening::default().steps, requires = "nested", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    steps: u32,
     #[command(flatten)]
     turning: Turning,
 }
@@ -43,6 +49,9 @@ struct Report {
     /// Degree of the harmonics in the file that was read, where they were cut.
     #[serde(skip_serializing_if = "Option::is_none")]
     sh_degree_cut_from: Option<u8>,
+    /// Of each level, where they were trained.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<Measured>,
     #[serde(flatten)]
     info: Info,
 }
@@ -67,7 +76,13 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     }
     let (degree, cut_from) = (splats.degree, splats.cut_from);
     let name = inputs.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ");
-    let bytes = convert::pack(assembly).with_context(|| name.clone())?;
+    let (bytes, levels) = if arguments.nested {
+        let options =
+            Coarsening { steps: arguments.steps, seed: common.seed, ..Coarsening::default() };
+        convert::pack_nested(assembly, &options).with_context(|| name.clone())?
+    } else {
+        (convert::pack(assembly).with_context(|| name.clone())?, Vec::new())
+    };
     output.finish(&bytes)?;
     if left_out != LeftOut::default() {
         eprintln!(
@@ -82,6 +97,16 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let info = Info::of(&Avatar::parse(&bytes)?);
     let seconds = start.elapsed().as_secs_f64();
     let left_out = Missing { faint, wild };
-    let report = Report { seconds, left_out, sh_degree_cut_from: cut_from, info };
-    super::print(common, &report, |report| super::info::text(&report.info))
+    let report = Report { seconds, left_out, sh_degree_cut_from: cut_from, levels, info };
+    super::print(common, &report, |report| {
+        super::info::text(&report.info) + &quality(&report.levels)
+    })
+}
+
+/// How good each level is.
+fn quality(levels: &[Measured]) -> String {
+    let line = |level: &Measured| {
+        format!("first {} Gaussians: {:.2} dB to all\n", level.gaussians, level.psnr_foreground_db)
+    };
+    levels.iter().map(line).collect()
 }

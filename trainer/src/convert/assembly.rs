@@ -9,6 +9,10 @@ use dermis_runtime::{Kernel, Pose, Posed};
 use super::splats::Splats;
 use crate::model::Model;
 use crate::package;
+use crate::scene::{self, KeyFrame};
+
+/// Poses of the clips in which coarser levels are trained.
+const KEY_FRAMES: usize = 4;
 
 /// Gaussians on their way into a file.
 #[derive(Clone, Debug, Default)]
@@ -48,6 +52,8 @@ pub struct Carrier {
     pub(super) name: String,
     /// Mesh, rig and clips, both sides of every triangle shown: free Gaussians have no back.
     pub(super) source: Source,
+    /// Poses in which coarser levels are trained.
+    pub(super) key_frames: Vec<KeyFrame>,
     /// World, metres, at rest.
     vertices: Vec<[f32; 3]>,
 }
@@ -84,7 +90,9 @@ impl Carrier {
         let avatar = Avatar::parse(&bytes)?;
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let posed = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
-        Ok(Self { vertices: posed.vertices().to_vec(), name, source })
+        let clips = scene::training_clips(model, None);
+        let key_frames = scene::training_key_frames(model, &clips, KEY_FRAMES);
+        Ok(Self { vertices: posed.vertices().to_vec(), name, source, key_frames })
     }
 
     /// How many triangles it has.

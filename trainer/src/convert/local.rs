@@ -32,7 +32,7 @@ pub(super) fn local(gaussian: &Full, frame: &Frame<f64>) -> Full {
 
 /// A rotation R and lengths s with R diag(s²) Rᵀ = A Aᵀ: one-sided Jacobi, which turns the columns of A
 /// against each other until they are orthogonal. No column of `a` is zero.
-fn principal_axes(a: DMat3) -> (DMat3, [f64; 3]) {
+pub(super) fn principal_axes(a: DMat3) -> (DMat3, [f64; 3]) {
     let mut columns = [a.x_axis, a.y_axis, a.z_axis];
     for _ in 0..MOST_SWEEPS {
         let mut turned = false;

@@ -9,6 +9,7 @@
 //!    series of files to levels, and `bind` hangs free Gaussians on a mesh: `nearest` finds the triangle,
 //!    `local` turns them into its frame. [`assembly`] is what comes of it.
 //! 3. `nested` puts them in an order whose every prefix is a picture.
+//!    [`coarse`] makes coarser levels of them, if asked to: merged, and trained to look like all.
 //! 4. [`pack`] encodes them: full records, the low-pass that they were trained for; frame World where
 //!    they stand free.
 //!
@@ -21,6 +22,7 @@
 
 pub mod assembly;
 mod bind;
+pub mod coarse;
 mod compressed_ply;
 mod detect;
 mod gaussian_avatars;
@@ -49,6 +51,7 @@ use crate::output::regular_file;
 use crate::{import, package};
 use assembly::Levels;
 pub use assembly::{Assembly, Carrier};
+pub use coarse::{Coarsening, Measured, pack_nested};
 use nested::Nested;
 use splat_ply::{BINDING, SplatPly};
 pub use splats::{LeftOut, Splats};

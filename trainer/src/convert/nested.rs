@@ -79,7 +79,7 @@ fn ranked(curve: &[u32]) -> Vec<u32> {
 }
 
 /// Gaussians of each layer.
-fn layers(count: u32) -> Vec<u32> {
+pub(super) fn layers(count: u32) -> Vec<u32> {
     let mut ends = vec![count];
     while ends.len() < MAX_LAYERS && ends[0] / 4 >= COARSEST {
         ends.insert(0, ends[0] / 4);
@@ -89,7 +89,7 @@ fn layers(count: u32) -> Vec<u32> {
 }
 
 /// Indices of the Gaussians along Morton's curve through cubes; where cubes agree, as they came.
-fn along_curve(centers: &[[f32; 3]]) -> Vec<u32> {
+pub(super) fn along_curve(centers: &[[f32; 3]]) -> Vec<u32> {
     let mut low = [f32::INFINITY; 3];
     let mut high = [f32::NEG_INFINITY; 3];
     for center in centers {

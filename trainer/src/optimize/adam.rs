@@ -75,19 +75,39 @@ impl Moments {
         rates: &Rates,
         sigma: f32,
     ) {
-        self.decay = [self.decay[0] * BETA1, self.decay[1] * BETA2];
-        // Roots are exact by IEEE 754; libm's would be scalar, and of an older encoding that AVX waits for.
-        // Of rate · (m / (1 − β₁ᵗ)) / (√(v / (1 − β₂ᵗ)) + ε), what all parameters share.
-        let root = (1.0 - self.decay[1]).sqrt();
-        let (correction, epsilon) = (root / (1.0 - self.decay[0]), EPSILON * root);
         let mut values = parameters.to_array();
-        let rates = rates.times(correction).array(sigma);
-        for i in 0..PARAMETERS {
-            let g = gradient[i];
-            self.first[i] = BETA1 * self.first[i] + (1.0 - BETA1) * g;
-            self.second[i] = BETA2 * self.second[i] + (1.0 - BETA2) * g * g;
-            values[i] -= rates[i] * self.first[i] / (self.second[i].sqrt() + epsilon);
-        }
+        let Self { first, second, decay } = self;
+        descend(
+            &mut values,
+            gradient,
+            #[inline(always)]
+            |factor| rates.times(factor).array(sigma),
+            [first, second],
+            decay,
+        );
         *parameters = Parameters::from_array(values);
+    }
+}
+
+/// A step of numbers whose gradient has the moments `first` and `second`; `decay` are β₁ᵗ and β₂ᵗ. `rates`
+/// gives the step lengths, times a factor.
+#[inline(always)]
+pub(super) fn descend<const N: usize>(
+    values: &mut [f32; N],
+    gradient: &[f32; N],
+    rates: impl FnOnce(f32) -> [f32; N],
+    [first, second]: [&mut [f32; N]; 2],
+    decay: &mut [f32; 2],
+) {
+    *decay = [decay[0] * BETA1, decay[1] * BETA2];
+    // Roots are exact by IEEE 754; libm's would be scalar, and of an older encoding that AVX waits for.
+    // Of rate · (m / (1 − β₁ᵗ)) / (√(v / (1 − β₂ᵗ)) + ε), what all parameters share.
+    let root = (1.0 - decay[1]).sqrt();
+    let (rates, epsilon) = (rates(root / (1.0 - decay[0])), EPSILON * root);
+    for i in 0..N {
+        let g = gradient[i];
+        first[i] = BETA1 * first[i] + (1.0 - BETA1) * g;
+        second[i] = BETA2 * second[i] + (1.0 - BETA2) * g * g;
+        values[i] -= rates[i] * first[i] / (second[i].sqrt() + epsilon);
     }
 }

@@ -334,7 +334,7 @@ fn same_lengths<'a, T: Clone + 'a>(
 }
 
 /// Where the two pictures can differ.
-fn region(forward: &Forward, truth: Rect) -> Rect {
+pub(crate) fn region(forward: &Forward, truth: Rect) -> Rect {
     if forward.splats.is_empty() {
         return truth;
     }

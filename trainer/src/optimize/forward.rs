@@ -80,6 +80,22 @@ impl Forward {
         });
         (0..).zip(tiles).filter(|(_, list)| !list.is_empty())
     }
+
+    /// Draws the splats, whose keys are `keys`, over the picture, which is all `background`.
+    pub(super) fn blend(&mut self, keys: &[ListKey], background: [f32; 3]) {
+        let kernel = Kernel::detect();
+        let (width, height) = (self.picture.width, self.picture.height);
+        let grid = TileGrid::new(width, height);
+        let listed = Listed { splats: &self.splats, keys, grid };
+        let mut counts = vec![0; grid.tiles()];
+        listed.count(&mut counts);
+        let rows = self.picture.rgb.par_chunks_mut((width * TILE) as usize).enumerate();
+        self.bands = rows
+            .map(|(row, pixels)| {
+                draw_band(kernel, &listed, row as u32, &counts, background, pixels)
+            })
+            .collect();
+    }
 }
 
 /// Lists of a row of tiles.
@@ -126,13 +142,7 @@ pub fn draw(
         }
         forward.regions.push(first..forward.splats.len());
     }
-    let listed = Listed { splats: &forward.splats, keys: &keys, grid };
-    let mut counts = vec![0; grid.tiles()];
-    listed.count(&mut counts);
-    let rows = forward.picture.rgb.par_chunks_mut((camera.width * TILE) as usize).enumerate();
-    forward.bands = rows
-        .map(|(row, pixels)| draw_band(kernel, &listed, row as u32, &counts, background, pixels))
-        .collect();
+    forward.blend(&keys, background);
     forward
 }
 

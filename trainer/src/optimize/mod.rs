@@ -9,7 +9,8 @@
 //! 6. [`schedule`] says how many steps, which prefix, and which rates.
 //! 7. [`rounding`] is what the last steps draw: the file's numbers.
 //! 8. [`descend`] puts them in a loop.
-//! 9. [`residual`] says where a cloud still differs from the truth.
+//! 9. [`fulls`] draws and moves Gaussians that another program trained.
+//! 10. [`residual`] says where a cloud still differs from the truth.
 //!
 //! Every sum runs in an order that the data fixes, so the result does not depend on threads.
 
@@ -19,6 +20,7 @@ pub mod cloud;
 pub mod descend;
 pub mod discs;
 pub mod forward;
+pub mod fulls;
 pub mod loss;
 pub mod mover;
 pub mod precision;

@@ -1,10 +1,10 @@
 //! From the gradient by a splat to the gradient by its Gaussian's parameters: the derivative of
-//! `dermis_runtime::{gaussian::disc_on, project::project, project::Splat::pack}`.
+//! `dermis_runtime::{gaussian::{disc_on, full_on}, project::project, project::Splat::pack}`.
 
 use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
-use dermis_runtime::gaussian::disc_on;
-use dermis_runtime::math::{Real, add, dot, each, scale};
+use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
+use dermis_runtime::math::{Real, add, cross, dot, each, rotation_rows, scale};
 use dermis_runtime::project::{HALF_LOG2_E, View};
 
 /// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
@@ -29,6 +29,17 @@ pub struct ByDisc<R> {
     pub log2_scale: [R; 2],
 }
 
+/// Gradient by the geometry of a Gaussian with rotation and three scales in its frame.
+#[derive(Clone, Copy, Debug)]
+pub struct ByFull<R> {
+    /// By the position.
+    pub position: [R; 3],
+    /// By a small rotation about the frame's axes after its own, radians.
+    pub turn: [R; 3],
+    /// By log₂ of the scales.
+    pub log2_scale: [R; 3],
+}
+
 /// Takes the gradient of one splat to the disc it came from, which was at `position`, `angle`,
 /// `log2_scale` in `frame`.
 #[inline(always)]
@@ -39,15 +50,64 @@ pub fn by_disc<R: Real>(
     (position, angle, log2_scale): ([R; 3], R, [R; 2]),
     by: &ByScreen<R>,
 ) -> ByDisc<R> {
-    let zero = angle.like(0.0);
     let disc = disc_on(frame, position, angle, log2_scale);
-    let p @ [x, y, z] = view.point(disc.center);
+    let Ellipsoid { center: by_center, axes: by_axes } = by_ellipsoid(view, low_pass, &disc, by);
+    let [sin, cos] = angle.line();
+    let [first, second] = each(
+        log2_scale,
+        #[inline(always)]
+        |scale: R| scale.exp2(),
+    );
+    let along = add(scale(frame.x, cos), scale(frame.y, sin));
+    let across = add(scale(frame.x, -sin), scale(frame.y, cos));
+    let ln2 = angle.like(core::f32::consts::LN_2);
+    ByDisc {
+        position: to_frame(frame, by_center),
+        angle: first * dot(by_axes[0], across) - second * dot(by_axes[1], along),
+        log2_scale: [ln2 * dot(by_axes[0], disc.axes[0]), ln2 * dot(by_axes[1], disc.axes[1])],
+    }
+}
+
+/// The same for a Gaussian with rotation and three scales. An axis aᵢ = F lᵢ turns by F (ω × lᵢ), F being the frame's axes.
+#[inline(always)]
+pub fn by_full<R: Real>(
+    view: &View<R>,
+    low_pass: LowPass,
+    frame: &Frame<R>,
+    (position, rotation, log2_scale): ([R; 3], [R; 4], [R; 3]),
+    by: &ByScreen<R>,
+) -> ByFull<R> {
+    let full = full_on(frame, position, rotation, log2_scale);
+    let Ellipsoid { center: by_center, axes: by_axes } = by_ellipsoid(view, low_pass, &full, by);
+    let zero = position[0].like(0.0);
+    let ln2 = zero.like(core::f32::consts::LN_2);
+    let rows = rotation_rows(rotation);
+    let mut turn = [zero; 3];
+    let mut by_scale = [zero; 3];
+    for i in 0..3 {
+        let own = scale([rows[0][i], rows[1][i], rows[2][i]], log2_scale[i].exp2());
+        turn = add(turn, cross(own, to_frame(frame, by_axes[i])));
+        by_scale[i] = ln2 * dot(by_axes[i], full.axes[i]);
+    }
+    ByFull { position: to_frame(frame, by_center), turn, log2_scale: by_scale }
+}
+
+/// The gradient by a Gaussian's centre and axes in the world.
+#[inline(always)]
+fn by_ellipsoid<R: Real, const N: usize>(
+    view: &View<R>,
+    low_pass: LowPass,
+    gaussian: &Ellipsoid<R, N>,
+    by: &ByScreen<R>,
+) -> Ellipsoid<R, N> {
+    let p @ [x, y, z] = view.point(gaussian.center);
+    let zero = z.like(0.0);
     let slopes = [x / z, y / z];
     let [sx, sy] = view.slopes(p);
     let [fx, fy] = view.focal();
     let (jx, jy) = (fx / z, fy / z);
     let axes = each(
-        disc.axes,
+        gaussian.axes,
         #[inline(always)]
         |axis| view.direction(axis),
     );
@@ -61,7 +121,7 @@ pub fn by_disc<R: Real>(
 
     // bᵢ = (jx (ax − sx az), jy (ay − sy az)).
     let (mut by_jx, mut by_jy, mut by_sx, mut by_sy) = (zero, zero, zero, zero);
-    let mut by_axes = [[zero; 3]; 2];
+    let mut by_axes = [[zero; 3]; N];
     for (i, &[gu, gv]) in by_b.iter().enumerate() {
         let [ax, ay, az] = axes[i];
         by_axes[i] = [jx * gu, jy * gv, -(jx * sx * gu + jy * sy * gv)];
@@ -75,39 +135,36 @@ pub fn by_disc<R: Real>(
     let by_slope_x = by.mean[0] * fx + R::select(clamped_x, zero, by_sx);
     let by_slope_y = by.mean[1] * fy + R::select(clamped_y, zero, by_sy);
     let by_z = -(by_jx * jx + by_jy * jy + by_slope_x * slopes[0] + by_slope_y * slopes[1]) / z;
-    let by_center = to_world(view, [by_slope_x / z, by_slope_y / z, by_z]);
-    let by_axes = each(
-        by_axes,
-        #[inline(always)]
-        |g| to_world(view, g),
-    );
-
-    let [sin, cos] = angle.line();
-    let [first, second] = each(
-        log2_scale,
-        #[inline(always)]
-        |scale: R| scale.exp2(),
-    );
-    let along = add(scale(frame.x, cos), scale(frame.y, sin));
-    let across = add(scale(frame.x, -sin), scale(frame.y, cos));
-    let ln2 = zero.like(core::f32::consts::LN_2);
-    ByDisc {
-        position: [dot(by_center, frame.x), dot(by_center, frame.y), dot(by_center, frame.z)],
-        angle: first * dot(by_axes[0], across) - second * dot(by_axes[1], along),
-        log2_scale: [ln2 * dot(by_axes[0], disc.axes[0]), ln2 * dot(by_axes[1], disc.axes[1])],
+    Ellipsoid {
+        center: to_world(view, [by_slope_x / z, by_slope_y / z, by_z]),
+        axes: each(
+            by_axes,
+            #[inline(always)]
+            |g| to_world(view, g),
+        ),
     }
 }
 
-/// By the two projected axes b₀, b₁. With D = det Σ + h tr Σ + h², det Σ = (b₀ × b₁)², κ = log₂e/2:
+/// By the projected axes bᵢ. With D = det Σ + h tr Σ + h², det Σ = Σ (bᵢ × bⱼ)² over pairs, κ = log₂e/2:
 /// falloff a = √(κ yy / D), b = −a xy / yy, c = √(κ / yy), log₂ opacity = … + ½ log₂(det Σ / D).
 #[inline(always)]
-fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) -> [[R; 2]; 2] {
-    let [[u0, v0], [u1, v1]] = b;
-    let constant = |x: f32| u0.like(x);
+fn by_screen_axes<R: Real, const N: usize>(
+    b: [[R; 2]; N],
+    low_pass: LowPass,
+    by: &ByScreen<R>,
+) -> [[R; 2]; N] {
+    let constant = |x: f32| by.log2_opacity.like(x);
     let (zero, h) = (constant(0.0), constant(low_pass.variance()));
-    let (xx, xy, yy) = (u0 * u0 + u1 * u1, u0 * v0 + u1 * v1, v0 * v0 + v1 * v1);
-    let area = u0 * v1 - v0 * u1;
-    let det = area * area;
+    let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
+    for (i, &[u, v]) in b.iter().enumerate() {
+        xx = xx + u * u;
+        xy = xy + u * v;
+        yy = yy + v * v;
+        for &[s, t] in b.iter().take(i) {
+            let area = s * v - t * u;
+            det = det + area * area;
+        }
+    }
     let filtered = det + h * (xx + yy) + h * h;
     let yy = yy + h;
     let (two, kappa) = (constant(2.0), constant(HALF_LOG2_E));
@@ -128,17 +185,25 @@ fn by_screen_axes<R: Real>(b: [[R; 2]; 2], low_pass: LowPass, by: &ByScreen<R>) 
     }
     let by_det = by_det + by_filtered;
     let by_trace = h * by_filtered;
-    let by_area = two * area * by_det;
-    [
-        [
-            two * u0 * by_trace + v0 * by_xy + by_area * v1,
-            two * v0 * (by_yy + by_trace) + u0 * by_xy - by_area * u1,
-        ],
-        [
-            two * u1 * by_trace + v1 * by_xy - by_area * v0,
-            two * v1 * (by_yy + by_trace) + u1 * by_xy + by_area * u0,
-        ],
-    ]
+    let mut by_axes = each(
+        b,
+        #[inline(always)]
+        |[u, v]| [two * u * by_trace + v * by_xy, two * v * (by_yy + by_trace) + u * by_xy],
+    );
+    for (j, &[u, v]) in b.iter().enumerate() {
+        for (i, &[s, t]) in b.iter().enumerate().take(j) {
+            let by_area = two * (s * v - t * u) * by_det;
+            by_axes[i] = [by_axes[i][0] + by_area * v, by_axes[i][1] - by_area * u];
+            by_axes[j] = [by_axes[j][0] - by_area * t, by_axes[j][1] + by_area * s];
+        }
+    }
+    by_axes
+}
+
+/// By what a frame takes to a world direction.
+#[inline(always)]
+fn to_frame<R: Real>(frame: &Frame<R>, by: [R; 3]) -> [R; 3] {
+    [dot(by, frame.x), dot(by, frame.y), dot(by, frame.z)]
 }
 
 /// Where a ≠ b; not where either is NaN.

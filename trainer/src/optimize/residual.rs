@@ -5,7 +5,7 @@ use anyhow::Result;
 use super::backward::by_splats;
 use super::cloud::{Cloud, Prefix};
 use super::descend::Problem;
-use super::forward::draw;
+use super::forward::{Forward, draw};
 use crate::picture::Picture;
 use crate::truth::Scratch;
 
@@ -21,19 +21,24 @@ pub fn by_triangles(clouds: &[Cloud], problem: &Problem<'_>, triangles: usize) -
         let background = problem.background;
         let forward = draw(clouds, &prefixes, stage, &view.camera, problem.low_pass, background);
         view.truth.draw(background, 0, &mut reading, &mut truth)?;
-        squares.clear();
-        squares.extend(forward.picture.rgb.iter().zip(&truth.rgb).map(|(a, b)| {
-            let square: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
-            [square, 0.0, 0.0]
-        }));
-        // The way back weighs a gradient by pixels just so when it takes it to a splat's red.
-        let shares = by_splats(&forward, &squares);
+        let shares = by_drawn(&forward, &truth, &mut squares);
         for (cloud, drawn) in clouds.iter().zip(&forward.regions) {
             let sources = &forward.sources[drawn.clone()];
             for (&source, share) in sources.iter().zip(&shares[drawn.clone()]) {
-                sums[cloud.triangles[source as usize] as usize] += f64::from(share.color[0]);
+                sums[cloud.triangles[source as usize] as usize] += f64::from(*share);
             }
         }
     }
     Ok(sums)
+}
+
+/// Squared differences of a picture's pixels, each shared out to its splats by their weight there.
+pub fn by_drawn(forward: &Forward, truth: &Picture, squares: &mut Vec<[f32; 3]>) -> Vec<f32> {
+    squares.clear();
+    squares.extend(forward.picture.rgb.iter().zip(&truth.rgb).map(|(a, b)| {
+        let square: f32 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+        [square, 0.0, 0.0]
+    }));
+    // The way back weighs a gradient by pixels just so when it takes it to a splat's red.
+    by_splats(forward, squares).into_iter().map(|share| share.color[0]).collect()
 }
