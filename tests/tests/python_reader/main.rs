@@ -2,7 +2,6 @@
 //! every file to the bits that `dermis-format` decodes, and refuses the same files.
 
 #[path = "../../../format/tests/hostile/avatars.rs"]
-#[expect(dead_code, reason = "what walks an avatar there is not needed here")]
 mod avatars;
 mod columns;
 mod damage;
