@@ -1,6 +1,7 @@
 //! The packed form: the same bytes again, whatever the file; of what arrived, a prefix; of damage, nothing.
 
 use std::fs;
+use std::sync::OnceLock;
 
 use dermis_format::packed::{Unpacker, is_packed, pack, unpack, unpack_prefix, unpacked_len};
 use dermis_format::{Avatar, Error, PerLevel};
@@ -12,11 +13,18 @@ use dermis_trainer::convert;
 use dermis_trainer::options::Options;
 use serde_json::Value;
 
-/// Files of every kind: discs, with records per level and without; three scales, harmonics, opacities per level.
+/// All of them, made once.
 fn files() -> Vec<(String, Vec<u8>)> {
+    static FILES: OnceLock<Vec<(String, Vec<u8>)>> = OnceLock::new();
+    FILES.get_or_init(made).clone()
+}
+
+/// Files of every kind: discs, with records per level and without; three scales, harmonics, opacities per level.
+fn made() -> Vec<(String, Vec<u8>)> {
     let stored = files::workspace().join("tests/conformance/data");
     let mut files: Vec<(String, Vec<u8>)> = files::names(&stored)
         .into_iter()
+        .filter(|name| name.ends_with(".dermis"))
         .map(|name| (name.clone(), fs::read(stored.join(name)).expect("it is there")))
         .collect();
     let folder = files::empty_folder("packed_sources");
@@ -47,7 +55,11 @@ fn every_file_returns_and_its_prefixes_are_the_files() {
         assert!(is_packed(&packed) && !is_packed(&bytes));
         assert_eq!(unpacked_len(&packed), Ok(bytes.len()));
         assert_eq!(pack(&bytes).as_deref(), Ok(&packed[..]), "{name}: the same bytes each time");
-        assert!(packed.len() < bytes.len(), "{name}: {} of {}", packed.len(), bytes.len());
+        // Noise does not become less, nor much more.
+        let sections = Avatar::parse(&bytes).expect("a valid file").sections().count();
+        let lens = (packed.len(), bytes.len());
+        assert!(lens.0 <= lens.1 + 18 + 4 * sections, "{name}: {lens:?}");
+        assert!(lens.0 < lens.1 * 4 / 5 || name.starts_with("harmonics"), "{name}: {lens:?}");
         assert!(unpack(&packed).as_deref() == Ok(&bytes[..]), "{name}");
 
         // Section by section, in memory that held something else.
@@ -82,7 +94,7 @@ fn a_changed_bit_is_found_or_harmless() {
     for (name, bytes) in files() {
         let packed = pack(&bytes).expect("a valid file can be packed");
         let mut damaged = packed.clone();
-        for _ in 0..400 {
+        for _ in 0..200 {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let bit = ((u64::from(seed) * 8 * packed.len() as u64) >> 32) as usize;
             damaged[bit / 8] ^= 1 << (bit % 8);
