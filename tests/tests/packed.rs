@@ -59,7 +59,8 @@ fn every_file_returns_and_its_prefixes_are_the_files() {
         let sections = Avatar::parse(&bytes).expect("a valid file").sections().count();
         let lens = (packed.len(), bytes.len());
         assert!(lens.0 <= lens.1 + 18 + 4 * sections, "{name}: {lens:?}");
-        assert!(lens.0 < lens.1 * 4 / 5 || name.starts_with("harmonics"), "{name}: {lens:?}");
+        let is_trained = ["figure.dermis", "leveled.dermis", "few bits"].contains(&&*name);
+        assert!(lens.0 < lens.1 * 4 / 5 || !is_trained, "{name}: {lens:?}");
         assert!(unpack(&packed).as_deref() == Ok(&bytes[..]), "{name}");
 
         // Section by section, in memory that held something else.
