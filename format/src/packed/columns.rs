@@ -194,8 +194,8 @@ impl<C: Coder> Walk<'_, '_, C> {
         let start = self.at;
         self.mixed(size_of::<T>())?;
         match self.payload.get(start..).and_then(|bytes| take_plane::<T>(bytes, 1)) {
-            Some((record, _)) => Ok(record[0]),
-            None => malformed("packed section", "it is too short"),
+            Some(([record], _)) => Ok(*record),
+            _ => malformed("packed section", "it is too short"),
         }
     }
 
@@ -315,7 +315,7 @@ impl<C: Coder> Walk<'_, '_, C> {
         let stride = layout.bits() as usize;
         let (start, fields) = (8 * self.at, fields(layout));
         let columns = core::array::from_fn(|number| {
-            let (bit, width) = fields[number];
+            let (bit, width) = fields.get(number).copied().unwrap_or_default();
             let earlier = earlier.map(|discs| Earlier { discs, number, groups, widths });
             let table = Table::Kept(tables + number as u8);
             Column { at: start + bit as usize, stride, count, width, lag: 1, earlier, table }
@@ -343,7 +343,11 @@ impl<C: Coder> Walk<'_, '_, C> {
 
 /// First bit and width of each number of a record.
 pub(super) fn fields(layout: DiscLayout) -> [(u32, u32); 10] {
-    let words = layout.word_bits();
-    let start = [0, words[0], words[0] + words[1]];
-    layout.codes(|word, shift, mask| (start[word] + shift, mask.count_ones())).numbers()
+    let [first, second, _] = layout.word_bits();
+    let start = |word: usize| match word {
+        0 => 0,
+        1 => first,
+        _ => first + second,
+    };
+    layout.codes(|word, shift, mask| (start(word) + shift, mask.count_ones())).numbers()
 }

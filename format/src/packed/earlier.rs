@@ -75,22 +75,32 @@ impl<'a> Earlier<'a> {
 
     /// First bit and width of the number in the earlier record.
     pub(super) fn field(&self) -> (u32, u32) {
-        fields(self.discs.layout())[self.number]
+        self.field_of(self.discs.layout())
+    }
+
+    fn field_of(&self, layout: DiscLayout) -> (u32, u32) {
+        fields(layout).get(self.number).copied().unwrap_or_default()
     }
 
     fn width(&self) -> u8 {
-        DiscLayout::new(self.widths).map_or(MOST_BITS, |layout| fields(layout)[self.number].1 as u8)
+        DiscLayout::new(self.widths).map_or(MOST_BITS, |layout| self.field_of(layout).1 as u8)
     }
 }
 
 /// Offset and step of a number other than the angle.
 fn range(group: &DiscGroup, number: usize) -> (f32, f32) {
-    match number {
-        0..=2 => group.position[number].parts(),
-        4 | 5 => group.log2_scale.parts(),
-        6..=8 => group.color[number - 6].parts(),
-        _ => group.opacity.parts(),
-    }
+    let ([x, y, z], [luma, orange, green]) = (group.position, group.color);
+    let range = match number {
+        0 => x,
+        1 => y,
+        2 => z,
+        4 | 5 => group.log2_scale,
+        6 => luma,
+        7 => orange,
+        8 => green,
+        _ => group.opacity,
+    };
+    range.parts()
 }
 
 /// The nearest code of another range.

@@ -39,6 +39,7 @@ pub(super) trait Predictor {
     /// Adds to each of a batch what it was likely to be. What the payload holds before the column is known.
     fn add(&mut self, payload: &[u8], batch: &mut [u8]);
     /// The inverse.
+    #[cfg(feature = "std")]
     fn subtract(&mut self, payload: &[u8], batch: &mut [u8]);
 }
 
@@ -52,6 +53,7 @@ impl Predictor for Zero {
     #[inline(always)]
     fn add(&mut self, _: &[u8], _: &mut [u8]) {}
 
+    #[cfg(feature = "std")]
     fn subtract(&mut self, _: &[u8], _: &mut [u8]) {}
 }
 
@@ -70,6 +72,7 @@ impl Predictor for Previous {
         }
     }
 
+    #[cfg(feature = "std")]
     fn subtract(&mut self, _: &[u8], batch: &mut [u8]) {
         for number in batch {
             let here = *number;
@@ -111,6 +114,7 @@ impl Predictor for FromEarlier<'_> {
         self.each(payload, batch, u8::wrapping_add);
     }
 
+    #[cfg(feature = "std")]
     fn subtract(&mut self, payload: &[u8], batch: &mut [u8]) {
         self.each(payload, batch, u8::wrapping_sub);
     }

@@ -74,11 +74,12 @@ impl<'p, 'f> Unpacker<'p, 'f> {
             return if whole { Ok(false) } else { Err(cut) };
         }
         let (SectionHead { tag, len, crc }, coded, rest) = super::split_section(self.rest)?;
-        let (before, room) = self.out.split_at_mut(self.len);
-        let Some((fixed, payload)) = room
-            .get_mut(..section::head::LEN + len)
-            .and_then(|bytes| bytes.split_at_mut_checked(section::head::LEN))
-        else {
+        let room = self.out.split_at_mut_checked(self.len).and_then(|(before, room)| {
+            let room = room.get_mut(..section::head::LEN.checked_add(len)?)?;
+            let (fixed, payload) = room.split_at_mut_checked(section::head::LEN)?;
+            Some((before, fixed, payload))
+        });
+        let Some((before, fixed, payload)) = room else {
             return malformed("packed section", "the file is longer than it says");
         };
         if coded.len() == len {
@@ -291,7 +292,7 @@ impl Coder for Reader<'_> {
         let shifts = layout.shifts();
         for index in 0..count.min(x.len()) {
             let codes = [x, y, z, angle, s, t, luma, orange, green, opacity];
-            let codes = codes.map(|numbers| u32::from(numbers[index]));
+            let codes = codes.map(|numbers| numbers.get(index).map_or(0, |&code| code.into()));
             flip_wide(payload, at, layout.record(&shifts, codes));
             at += stride;
         }

@@ -17,8 +17,7 @@ use core::panic::PanicInfo;
 
 use dermis_conformance::draw::run_at_once;
 use dermis_conformance::{
-    CASES, Case, File, Format, How, Kernel, Outcome, check, check_export, digest, export,
-    unpacks,
+    CASES, Case, File, Format, How, Kernel, Outcome, check, check_export, digest, export, unpacks,
 };
 
 /// Exit code of a panic.
