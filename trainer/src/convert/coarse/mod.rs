@@ -1,12 +1,12 @@
 //! Levels for Gaussians that another program trained as one: each a picture of all with a quarter of the next one's
 //! count.
 //!
-//! 1. [`merge`] makes few Gaussians of many; what is merged at one level is merged further at the one before.
-//! 2. [`views`] renders all Gaussians from around, in several poses where a mesh carries them.
-//! 3. [`train`] lets the merged ones of a level match these pictures, one level after the other.
+//! 1. `merge` makes few Gaussians of many; what is merged at one level is merged further at the one before.
+//! 2. `views` renders all Gaussians from around, in several poses where a mesh carries them.
+//! 3. `train` lets the merged ones of a level match these pictures, one level after the other.
 //! 4. The file holds all levels, from coarse to fine, and then the Gaussians that came, as they came, first where the
 //!    levels are worst. An opacity for each level says who is seen: what is merged gives way to what it was merged of.
-//! 5. [`measure`] draws the file from elsewhere, and says how far it is from renders of all.
+//! 5. `measure` draws the file from elsewhere, and says how far it is from renders of all.
 
 mod measure;
 mod merge;
