@@ -10,7 +10,7 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Preset {
-    /// 1,850 steps of 540×540, 4 key frames: a minute for a person on two cores.
+    /// 1,800 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
     /// 14,500 steps of 540×540, 20 key frames: five minutes.
     Default,
