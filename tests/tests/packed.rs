@@ -75,6 +75,7 @@ fn every_file_returns_and_its_prefixes_are_the_files() {
             }
         }
         assert_eq!(unpacker.done().len(), bytes.len());
+        assert!(size_of_val(&unpacker) <= 72_000, "what its documentation says");
         assert!(pictures > 1, "{name}");
 
         // Whatever arrives first.
