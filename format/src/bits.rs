@@ -54,24 +54,22 @@ impl<'a> Bits<'a> {
 /// Flips the bits of `number`, of at most 25, from bit `at` on: writes it where zeros stand. Nothing beyond the end.
 #[inline]
 pub(crate) fn flip(bytes: &mut [u8], at: usize, number: u32) {
-    let shifted = number << (at % 8);
-    let Some(rest) = bytes.get_mut(at / 8..) else { return };
-    if let Some(window) = rest.first_chunk_mut() {
-        *window = (u32::from_le_bytes(*window) ^ shifted).to_le_bytes();
-    } else {
-        rest.iter_mut().zip(shifted.to_le_bytes()).for_each(|(to, from)| *to ^= from);
-    }
+    flip_bytes(bytes, at / 8, (number << (at % 8)).to_le_bytes());
 }
 
 /// The same for a number of at most 121 bits.
 #[inline]
 pub(crate) fn flip_wide(bytes: &mut [u8], at: usize, number: u128) {
-    let shifted = number << (at % 8);
-    let Some(rest) = bytes.get_mut(at / 8..) else { return };
-    if let Some(window) = rest.first_chunk_mut() {
-        *window = (u128::from_le_bytes(*window) ^ shifted).to_le_bytes();
-    } else {
-        rest.iter_mut().zip(shifted.to_le_bytes()).for_each(|(to, from)| *to ^= from);
+    flip_bytes(bytes, at / 8, (number << (at % 8)).to_le_bytes());
+}
+
+#[inline(always)]
+fn flip_bytes<const N: usize>(bytes: &mut [u8], at: usize, by: [u8; N]) {
+    let Some(rest) = bytes.get_mut(at..) else { return };
+    match rest.first_chunk_mut::<N>() {
+        // Of a length that is known: one operation.
+        Some(window) => window.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
+        None => rest.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
     }
 }
 

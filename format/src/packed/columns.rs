@@ -79,8 +79,11 @@ pub(super) trait Coder {
         &mut self,
         payload: &mut [u8],
         columns: &[Column<'_>; 10],
-        layout: DiscLayout,
-    ) -> Result<(), Error>;
+        _layout: DiscLayout,
+    ) -> Result<(), Error> {
+        let mut columns = columns.iter().filter(|column| column.width > 0);
+        columns.try_for_each(|column| self.column(payload, column))
+    }
     /// Codes the triangles of a block.
     fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error>;
 }

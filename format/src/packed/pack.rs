@@ -16,7 +16,6 @@ use super::unpack::Memory;
 use super::{CODING_BITS, Coding, ESCAPE, ESCAPED_BITS, MAGIC, MOST_EXPANSION, VERSION};
 use crate::Avatar;
 use crate::bits::{BitWriter, mask};
-use crate::discs::DiscLayout;
 use crate::error::Error;
 use crate::header::Header;
 use crate::record::TrianglesRecord;
@@ -197,12 +196,6 @@ struct Choice {
     tables: [Option<Frequencies>; 2],
 }
 
-/// Columns one by one; those without a bit are none.
-fn each<C: Coder>(coder: &mut C, payload: &mut [u8], columns: &[Column<'_>]) -> Result<(), Error> {
-    let mut columns = columns.iter().filter(|column| column.width > 0);
-    columns.try_for_each(|column| coder.column(payload, column))
-}
-
 /// The first walk.
 struct Survey<'a> {
     scope: (Scope, Scope),
@@ -227,15 +220,6 @@ impl Coder for Survey<'_> {
             }
         }
         Ok(())
-    }
-
-    fn discs(
-        &mut self,
-        payload: &mut [u8],
-        columns: &[Column<'_>; 10],
-        _: DiscLayout,
-    ) -> Result<(), Error> {
-        each(self, payload, columns)
     }
 
     fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {
@@ -349,15 +333,6 @@ impl Coder for Writer<'_> {
             }
         }
         Ok(())
-    }
-
-    fn discs(
-        &mut self,
-        payload: &mut [u8],
-        columns: &[Column<'_>; 10],
-        _: DiscLayout,
-    ) -> Result<(), Error> {
-        each(self, payload, columns)
     }
 
     fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {

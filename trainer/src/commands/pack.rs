@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use dermis_format::packed;
-use dermis_trainer::describe::Info;
+use dermis_runtime::Avatar;
 use dermis_trainer::output::{self, Output};
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let name = || arguments.file.display().to_string();
     let bytes = output::read(&arguments.file)?;
     let packed = packed::pack(&bytes).with_context(name)?;
-    let gaussians = super::with_avatar(&arguments.file, |avatar| Ok(Info::of(avatar).gaussians))?;
+    let gaussians = Avatar::parse(&bytes).with_context(name)?.header().gaussians;
     let report = Report {
         unpacked_bytes: bytes.len(),
         bytes: packed.len(),
