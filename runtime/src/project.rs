@@ -136,6 +136,35 @@ pub struct Projected<R> {
     pub depth: R,
 }
 
+/// Σ = Σᵢ bᵢ bᵢᵀ of projected axes, px², before the low-pass.
+#[derive(Clone, Copy, Debug)]
+pub struct OnPlane<R> {
+    /// Variance to the right.
+    pub xx: R,
+    /// Covariance.
+    pub xy: R,
+    /// Variance downwards.
+    pub yy: R,
+    /// det Σ = Σ (bᵢ × bⱼ)² over pairs, which no cancellation makes negative.
+    pub det: R,
+}
+
+/// The covariance that projected axes span.
+#[inline(always)]
+pub fn covariance_on_plane<R: Real, const N: usize>(axes: &[[R; 2]; N], zero: R) -> OnPlane<R> {
+    let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
+    for (i, &[u, v]) in axes.iter().enumerate() {
+        xx = xx + u * u;
+        xy = xy + u * v;
+        yy = yy + v * v;
+        for &[s, t] in axes.iter().take(i) {
+            let area = u * t - v * s;
+            det = det + area * area;
+        }
+    }
+    OnPlane { xx, xy, yy, det }
+}
+
 /// Projects Gaussians, and says which can be drawn: not those whose centre is nearer than
 /// [`NEAR`], nor where a number is not finite.
 ///
@@ -162,16 +191,7 @@ pub fn project<R: Real, const N: usize>(
             [jx * (ax - sx * az), jy * (ay - sy * az)]
         },
     );
-    let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
-    for (i, &[u, v]) in b.iter().enumerate() {
-        xx = xx + u * u;
-        xy = xy + u * v;
-        yy = yy + v * v;
-        for &[s, t] in b.iter().take(i) {
-            let area = u * t - v * s;
-            det = det + area * area;
-        }
-    }
+    let OnPlane { xx, xy, yy, det } = covariance_on_plane(&b, zero);
     let h = z.like(low_pass.variance());
     let filtered = det + h * (xx + yy) + h * h;
     let compensation = match low_pass {

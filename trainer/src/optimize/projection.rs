@@ -5,7 +5,7 @@ use dermis_format::LowPass;
 use dermis_runtime::frame::Frame;
 use dermis_runtime::gaussian::{Ellipsoid, disc_on, full_on};
 use dermis_runtime::math::{Real, add, cross, dot, each, rotation_rows, scale};
-use dermis_runtime::project::{HALF_LOG2_E, View};
+use dermis_runtime::project::{HALF_LOG2_E, OnPlane, View, covariance_on_plane};
 
 /// Gradient by a splat's mean (2), falloff (3) and log₂ opacity.
 #[derive(Clone, Copy, Debug)]
@@ -155,16 +155,7 @@ fn by_screen_axes<R: Real, const N: usize>(
 ) -> [[R; 2]; N] {
     let constant = |x: f32| by.log2_opacity.like(x);
     let (zero, h) = (constant(0.0), constant(low_pass.variance()));
-    let (mut xx, mut xy, mut yy, mut det) = (zero, zero, zero, zero);
-    for (i, &[u, v]) in b.iter().enumerate() {
-        xx = xx + u * u;
-        xy = xy + u * v;
-        yy = yy + v * v;
-        for &[s, t] in b.iter().take(i) {
-            let area = s * v - t * u;
-            det = det + area * area;
-        }
-    }
+    let OnPlane { xx, xy, yy, det } = covariance_on_plane(&b, zero);
     let filtered = det + h * (xx + yy) + h * h;
     let yy = yy + h;
     let (two, kappa) = (constant(2.0), constant(HALF_LOG2_E));
