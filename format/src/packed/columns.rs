@@ -1,7 +1,8 @@
 //! What a section's payload consists of: columns, each the same number of every record in a row.
 //!
-//! A coder is led through a payload column by column. What the next columns are follows from what stands in those before, so that the same
-//! walk leads the packer, which has all of it, and the unpacker, which has what it wrote so far.
+//! A coder is led through a payload column by column. What the next columns are follows from what stands in those
+//! before, so that the same walk leads the packer, which has all of it, and the unpacker, which has what it wrote so
+//! far.
 
 use super::earlier::Earlier;
 use crate::bits::bytes_for;
@@ -37,7 +38,8 @@ pub(super) struct Column<'a> {
 /// Where a table of frequencies is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Table {
-    /// For a number of a disc or of a group, or for triangles; for all blocks of a layer, or all of its levels. High bytes have the next one.
+    /// For a number of a disc or of a group, or for triangles; for all blocks of a layer, or all of its levels. High
+    /// bytes have the next one.
     Kept(u8),
     /// For one column, or for several in a row that are named alike.
     Own(u16),

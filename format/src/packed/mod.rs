@@ -1,12 +1,13 @@
 //! The packed form, for the wire: every section's payload entropy-coded, column by column, and exactly the file again.
 //!
-//! A packed file is not read in place; [`Unpacker`] makes the file of it, section by section, in memory that the caller lends. Like the
-//! file it is progressive: whatever has arrived unpacks to a prefix that can be drawn.
+//! A packed file is not read in place; [`Unpacker`] makes the file of it, section by section, in memory that the
+//! caller lends. Like the file it is progressive: whatever has arrived unpacks to a prefix that can be drawn.
 //!
 //! 1. `columns`: a payload as columns, each the same number of every record.
 //! 2. `predict`, `earlier`: what each number is likely to be, from the one before it or from the level before.
 //! 3. `table`, `rans`: how often each difference comes, and the bits that it takes.
-//! 4. `unpack` leads through it all, and `pack` (feature `std`) the other way.
+//! 4. `reader` fills a payload in, `unpack` leads through all of them.
+//! 5. `survey` counts what comes and chooses, `pack` writes (feature `std`).
 
 mod columns;
 mod earlier;
@@ -14,6 +15,9 @@ mod earlier;
 mod pack;
 mod predict;
 mod rans;
+mod reader;
+#[cfg(feature = "std")]
+mod survey;
 mod table;
 mod unpack;
 

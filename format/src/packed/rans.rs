@@ -1,7 +1,8 @@
 //! Static range variants of asymmetric numeral systems (Duda 2013), four states in turn (Giesen 2014).
 //!
-//! A state x codes symbol s of frequency f and cumulative frequency c, of 4,096 in all, as ⌊x / f⌋ · 4096 + c + x mod f; below 2³¹ a
-//! state takes in 32 bits more. Symbol i belongs to state i mod 4, so that four chains of arithmetic run at once.
+//! A state x codes symbol s of frequency f and cumulative frequency c, of 4,096 in all, as ⌊x / f⌋ · 4096 + c + x mod
+//! f; below 2³¹ a state takes in 32 bits more. Symbol i belongs to state i mod 4, so that four chains of arithmetic
+//! run at once.
 
 use super::table::{SCALE_BITS, SLOTS, Slots};
 use crate::bits::chunk;

@@ -25,9 +25,9 @@ impl Default for Frequencies {
 }
 
 impl Frequencies {
-    /// Reads a table: the last symbol that comes, a parameter k, then of each symbol up to that one the difference d to the frequency
-    /// before it (0 before the first): 2 d, or −2 d − 1 if d is negative, as a Golomb-Rice code: ⌊/ 2ᵏ⌋ ones, a zero, k bits. `None` if
-    /// it is none: frequencies must be 0 to 4,096 and add up to 4,096.
+    /// Reads a table: the last symbol that comes, a parameter k, then of each symbol up to that one the difference d
+    /// to the frequency before it (0 before the first): 2 d, or −2 d − 1 if d is negative, as a Golomb-Rice code: ⌊/
+    /// 2ᵏ⌋ ones, a zero, k bits. `None` if it is none: frequencies must be 0 to 4,096 and add up to 4,096.
     pub(super) fn read(bits: &mut Bits<'_>) -> Option<Self> {
         let mut table = Self::default();
         let last = bits.take(LEN_BITS) as usize;
@@ -53,7 +53,8 @@ impl Frequencies {
     }
 }
 
-/// A symbol, where it begins and how wide it is: 8 bits of symbol, 12 of its frequency less one, 12 of how far the slot is from its first.
+/// A symbol, where it begins and how wide it is: 8 bits of symbol, 12 of its frequency less one, 12 of how far the
+/// slot is from its first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slot(u32);
 

@@ -2,9 +2,10 @@
 //!
 //! Rounding errors of different numbers are independent, and small: the squared difference that each makes in a picture
 //! adds to the others', and falls by four for each bit. So each number's is measured once, at few bits, and bits go
-//! one by one to where they lessen the sum most, until it is small beside the squared error that the level has anyway. This
-//! is the allocation of bits of transform coding (Huang and Schultheiss 1963, whole bits as Fox 1966), with the picture
-//! as the judge: the rule says in which order bits come, and the level is drawn to see how many of them it takes.
+//! one by one to where they lessen the sum most, until it is small beside the squared error that the level has anyway.
+//! This is the allocation of bits of transform coding (Huang and Schultheiss 1963, whole bits as Fox 1966), with the
+//! picture as the judge: the rule says in which order bits come, and the level is drawn to see how many of them it
+//! takes.
 
 use anyhow::Result;
 use dermis_format::DiscWidths;
@@ -24,8 +25,8 @@ const VIEWS: usize = 4;
 /// Bits of the number that is measured; enough for its error to be small, few enough for it to be far above that of 8.
 const PROBE: u8 = 5;
 
-/// Bits of each number of discs at each layer of the file that ends a level, so that a level's PSNR falls by `max_loss_db` at
-/// most on the training views. Clouds of one level have one choice for all layers.
+/// Bits of each number of discs at each layer of the file that ends a level, so that a level's PSNR falls by
+/// `max_loss_db` at most on the training views. Clouds of one level have one choice for all layers.
 ///
 /// # Errors
 ///
