@@ -1,6 +1,7 @@
 //! The checked view of an avatar's bytes.
 
 use crate::block::Block;
+use crate::curves::Curves;
 use crate::error::{Error, malformed};
 use crate::header::{Header, MAX_REGIONS, PerLevel};
 use crate::level::Level;
@@ -28,6 +29,7 @@ pub struct Avatar<'a> {
     regions: &'a [u8],
     layers: &'a [U32],
     importances: &'a [ImportanceRecord],
+    curves: Option<Curves<'a>>,
     joints: &'a [JointRecord],
     joint_names: &'a [u8],
     binds: &'a [BindRecord],
@@ -87,6 +89,7 @@ impl<'a> Avatar<'a> {
             regions: &[],
             layers: &[],
             importances: &[],
+            curves: None,
             joints: &[],
             joint_names: &[],
             binds: &[],
@@ -124,6 +127,10 @@ impl<'a> Avatar<'a> {
                 let whole = plane.len() == usize::from(header.regions);
                 (whole && plane.iter().all(ImportanceRecord::is_valid)).then_some(())
             }),
+            tag::CURVES => {
+                self.curves = Curves::split(payload, &header);
+                self.curves.map(|_| ())
+            }
             tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
             tag::JOINT_NAMES => {
                 self.joint_names = payload;
@@ -371,6 +378,11 @@ impl<'a> Avatar<'a> {
         self.importances.get(region).map_or(1.0, |importance| importance.weight.get())
     }
 
+    /// How near each region's picture is to the mesh; none if the file leaves it out.
+    pub fn curves(&self) -> Option<Curves<'a>> {
+        self.curves
+    }
+
     /// The skeleton; parents stand before their children.
     pub fn joints(&self) -> &'a [JointRecord] {
         self.joints
@@ -546,6 +558,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::REGIONS => "REGN",
         tag::LAYERS => "LAYR",
         tag::IMPORTANCES => "IMPO",
+        tag::CURVES => "CURV",
         tag::JOINTS => "JNTS",
         tag::JOINT_NAMES => "JNAM",
         tag::BINDS => "BIND",

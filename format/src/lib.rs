@@ -12,13 +12,15 @@
 //! 5. [`level`] is a block's Gaussians at a later level, [`walk`] puts both side by side.
 //! 6. [`quant`] turns codes into numbers, and back.
 //! 7. [`order`] states which Gaussians of a block come first.
-//! 8. [`avatar`] is the checked view of it all.
-//! 9. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+//! 8. [`curves`] say how good a picture each count makes.
+//! 9. [`avatar`] is the checked view of it all.
+//! 10. `source` and `writer` (feature `std`) encode what a trainer or converter has.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;
 mod bits;
 pub mod block;
+pub mod curves;
 pub mod discs;
 pub mod error;
 pub mod header;
@@ -39,6 +41,7 @@ pub mod writer;
 
 pub use avatar::Avatar;
 pub use block::{Block, Fulls, Records};
+pub use curves::{CurvePoint, Curves};
 pub use discs::{DiscLayout, Discs};
 pub use error::Error;
 pub use header::{FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};

@@ -267,7 +267,7 @@ pub fn ycocg_of_rgb([r, g, b]: [f32; 3]) -> [f32; 3] {
 
 /// The inverse of [`ycocg_of_rgb`], of one colour or of several side by side.
 #[inline(always)]
-fn rgb_of_ycocg<F: Number>([luma, orange, green]: [F; 3]) -> [F; 3] {
+pub fn rgb_of_ycocg<F: Number>([luma, orange, green]: [F; 3]) -> [F; 3] {
     let rest = luma - green;
     [rest + orange, luma + green, rest - orange]
 }

@@ -195,6 +195,26 @@ impl ImportanceRecord {
     }
 }
 
+/// Head of the regions' curves ([`crate::curves`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CurvesRecord {
+    /// Pixels to a metre of octave 0.
+    pub density: F32,
+    /// How many octaves follow, 1 to 8.
+    pub octaves: u8,
+}
+
+/// A region at an octave and a level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CurvePointRecord {
+    /// Mean squared difference to the mesh, in 0..=10⁶.
+    pub error: Bf16,
+    /// Gaussians blended in a pixel, in 0..=10⁶.
+    pub blends: Bf16,
+}
+
 /// Head of a block, or of a block at a later level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

@@ -53,6 +53,8 @@ pub mod tag {
     pub const LAYERS: [u8; 4] = *b"LAYR";
     /// How much each region matters.
     pub const IMPORTANCES: [u8; 4] = *b"IMPO";
+    /// How near each region's picture is to the mesh, by level and distance.
+    pub const CURVES: [u8; 4] = *b"CURV";
     /// The skeleton.
     pub const JOINTS: [u8; 4] = *b"JNTS";
     /// Names of the joints.

@@ -1,5 +1,6 @@
 //! What the encoder takes: an avatar in plain numbers.
 
+use crate::curves::CurvePoint;
 use crate::header::{FrameKind, LowPass, ScaleLaw};
 use crate::quant::{Disc, Full};
 use crate::record::DiscWidths;
@@ -22,6 +23,19 @@ pub struct Source {
     pub bounds: [[f32; 3]; 2],
     /// Key frames trained on: (clip, seconds); no clip is the rest pose.
     pub key_frames: Vec<(Option<u16>, f32)>,
+    /// How near the picture is to the mesh, if that was measured.
+    pub curves: Option<MeasuredCurves>,
+}
+
+/// How near each region's picture is to the mesh, by level and distance.
+#[derive(Clone, Debug, Default)]
+pub struct MeasuredCurves {
+    /// Pixels to a metre of octave 0; each octave has half as many as the one before.
+    pub density: f32,
+    /// Octaves, 1 to 8.
+    pub octaves: u8,
+    /// Of each region, of each octave, nothing and then each layer's end.
+    pub points: Vec<CurvePoint>,
 }
 
 /// Which mathematics the Gaussians are meant for.

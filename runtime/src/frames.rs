@@ -33,7 +33,7 @@ impl FrameBlock {
 
     /// Frames of lanes `at..`, and where there are any.
     #[inline(always)]
-    fn load<V: Lanes>(&self, token: V::Token, at: usize) -> (Frame<V>, V::Mask) {
+    pub(crate) fn load<V: Lanes>(&self, token: V::Token, at: usize) -> (Frame<V>, V::Mask) {
         let frame = Frame::<V>::load(token, self.0.each_ref().map(|rows| rows.as_slice()), at);
         let [a, b, c] = frame.x;
         let length = a.abs() + b.abs() + c.abs();

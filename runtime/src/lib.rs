@@ -7,7 +7,8 @@
 //! 2. [`Posed`] skins the mesh in a [`Pose`] ([`pose`], [`posed`]) and gives each triangle a
 //!    coordinate system ([`frame`]).
 //! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]), between two levels
-//!    where they have parameters of their own at each ([`mix`]).
+//!    where they have parameters of their own at each ([`mix`]). For several avatars [`budget`] shares one budget out,
+//!    by what each region covers ([`footprint`]).
 //! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
 //!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact many at
 //!    once ([`batch`], from the file's codes: [`coded`]), in shares that the caller's threads may take
@@ -29,12 +30,14 @@
 #![no_std]
 
 pub mod batch;
+pub mod budget;
 pub mod camera;
 pub mod coded;
 pub mod draw;
 pub mod error;
 pub mod export;
 mod extent;
+pub mod footprint;
 pub mod frame;
 pub mod framebuffer;
 mod frames;

@@ -25,7 +25,7 @@ pub struct RegionPlan {
 }
 
 /// The result of level-of-detail selection for one avatar.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     regions: heapless::Vec<RegionPlan, MAX_REGIONS>,
 }

@@ -1,9 +1,11 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
 use dermis_format::Avatar;
+use dermis_format::header::MAX_REGIONS;
 
 use crate::error::Error;
 use crate::extent::Extent;
+use crate::footprint::{AddFootprints, Sums};
 use crate::frame::Frame;
 use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
@@ -92,6 +94,17 @@ impl<'s, 'a> Posed<'s, 'a> {
     pub(crate) fn find_visible(&self, view: &View<f32>, extent: Extent, visible: &mut [u32]) {
         let Self { avatar, frames: blocks, kernel, .. } = *self;
         kernel.run(FindVisible { avatar, blocks, view, extent, visible });
+    }
+
+    /// Adds up what the triangles of each region cover of a camera's picture.
+    pub(crate) fn add_footprints(
+        &self,
+        view: &View<f32>,
+        extent: Extent,
+        sums: &mut [Sums; MAX_REGIONS],
+    ) {
+        let Self { avatar, frames: blocks, kernel, .. } = *self;
+        kernel.run(AddFootprints { avatar, blocks, view, extent, sums });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back

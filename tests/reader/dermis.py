@@ -36,6 +36,11 @@ def f32(numbers):
     return array("f", numbers)
 
 
+def bf16(halves):
+    """A column of f32 from the upper 16 bits of each."""
+    return f32(struct.unpack(f"<{len(halves)}f", b"".join(bytes(2) + half for half in halves)))
+
+
 PI, COMPONENT, PART = f32([math.pi, f32([math.sqrt(0.5)])[0] / 511, 1 / 255])
 
 
@@ -267,6 +272,13 @@ def read_importances(b, h):
     return [x for region in regions for x in region]
 
 
+def read_curves(b, h):
+    density, octaves = b.numbers("fB")
+    b.need(0 < density <= 1e12 and 1 <= octaves <= 8, f"{density} pixels to a metre, {octaves} octaves")
+    points = bf16(b.column("2s", 2 * h.regions * octaves * (h.layers + 1)))
+    return [density, octaves, *b.within(0, 1e6, *points)]
+
+
 def read_key_frames(b, h):
     frames = b.rows("Hf", b.left() // 6)
     for clip, seconds in frames:
@@ -288,6 +300,7 @@ TABLES = {
     "REGN": (lambda h: True, lambda b, h: b.names(h.regions)),
     "LAYR": (lambda h: True, lambda b, h: b.column("I", h.regions * h.layers)),
     "IMPO": (lambda h: False, read_importances),
+    "CURV": (lambda h: False, read_curves),
     "KEYF": (lambda h: False, read_key_frames),
 }
 
@@ -389,8 +402,7 @@ def colours(luma, orange, green):
 def read_discs(b, n):
     widths = b.below(9, "width", *b.take(9))
     widths = [*widths[:5], *widths[4:]]  # that of the scales holds twice
-    groups = [f32(struct.unpack("<16f", b"".join(bytes(2) + x for x in group)))
-              for group in b.rows("2s" * 16, (n + GROUP - 1) // GROUP)]
+    groups = [bf16(group) for group in b.rows("2s" * 16, (n + GROUP - 1) // GROUP)]
     x, y, root, angle, s, t, luma, orange, green, opacity = codes = bit_row(b, n, widths)
     ranges = [[group[2 * i : 2 * i + 2] for group in groups] for i in range(8)]
     value = lambda number, i: grouped(b, codes[number], ranges[i], (1 << widths[number]) - 1, DISC_LIMITS[i])

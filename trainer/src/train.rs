@@ -72,9 +72,12 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     if let Some(journal) = journal {
         workshop.keep(journal);
     }
-    let clouds = options.method.train(&mut workshop)?;
+    let mut clouds = options.method.train(&mut workshop)?;
+    let precision = workshop.precision(&clouds)?;
+    precision.keep_limits(&mut clouds);
     let mut source = package::with_gaussians(source, &clouds);
-    source.widths = workshop.widths(&clouds)?;
+    source.curves = Some(workshop.curves(&clouds, &precision)?);
+    source.widths = precision.widths;
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);
         for (region, importance) in source.regions.iter_mut().zip(importances) {

@@ -3,13 +3,15 @@
 use core::iter;
 use core::ops::Range;
 
+use crate::curves::{CurvePoint, MAX_OCTAVES};
 use crate::order::{self, GROUP_LEN};
 use crate::quant::{Full, opacity_code, ycocg_of_rgb};
 use crate::record::{
-    self, BlockRecord, DiscWidths, FullGroup, ImportanceRecord, KeyFrameRecord, U32,
+    self, Bf16, BlockRecord, CurvePointRecord, CurvesRecord, DiscWidths, FullGroup,
+    ImportanceRecord, KeyFrameRecord, U32,
 };
 use crate::section::tag;
-use crate::source::{Gaussians, Importance, Region, Source};
+use crate::source::{Gaussians, Importance, MeasuredCurves, Region, Source};
 use crate::triangles;
 
 use super::discs::disc_bytes;
@@ -24,6 +26,9 @@ pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), En
     if source.regions.iter().any(|region| region.importance.is_some()) {
         let records: Vec<ImportanceRecord> = source.regions.iter().map(importance).collect();
         section(out, tag::IMPORTANCES, bytes_of(&records))?;
+    }
+    if let Some(curves) = &source.curves {
+        section(out, tag::CURVES, &curve_bytes(curves, source)?)?;
     }
     let key_frames: Vec<KeyFrameRecord> = source
         .key_frames
@@ -48,6 +53,32 @@ fn importance(region: &Region) -> ImportanceRecord {
         visible: visible.into(),
         residual: residual.into(),
     }
+}
+
+fn curve_bytes(curves: &MeasuredCurves, source: &Source) -> Result<Vec<u8>, EncodeError> {
+    let MeasuredCurves { density, octaves, points } = curves;
+    let layers = source.regions.first().map_or(0, |region| region.layers.len());
+    let wanted = source.regions.len() * usize::from(*octaves) * (layers + 1);
+    let in_range = |number: &f32| (0.0..=1e6).contains(number);
+    let numbers = points.iter().flat_map(|point| [point.error, point.blends]);
+    let fits = points.len() == wanted
+        && (1..=MAX_OCTAVES).contains(&usize::from(*octaves))
+        && *density > 0.0
+        && *density <= 1e12
+        && numbers.into_iter().all(|number| in_range(&number));
+    if !fits {
+        let len = points.len();
+        return refuse(format!(
+            "curves of {len} points and {octaves} octaves: {wanted} fit the layers"
+        ));
+    }
+    let record = |point: &CurvePoint| CurvePointRecord {
+        error: Bf16::at_most(point.error),
+        blends: Bf16::at_most(point.blends),
+    };
+    let records: Vec<CurvePointRecord> = points.iter().map(record).collect();
+    let head = CurvesRecord { density: (*density).into(), octaves: *octaves };
+    Ok([bytes_of(&[head]), bytes_of(&records)].concat())
 }
 
 /// Blocks of all regions, interleaved by the share of their region that stands before them: a file

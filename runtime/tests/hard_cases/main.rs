@@ -4,6 +4,7 @@
 //! and properties, and what needs no reference.
 
 mod batches;
+mod budgets;
 mod depths;
 mod export;
 mod formats;

@@ -74,6 +74,18 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
         None => [avatar.region_weight(region), 0.0, 0.0, 0.0],
     };
     add("IMPO", bits(regions.flat_map(importance)).collect());
+    if let Some(curves) = avatar.curves() {
+        let (octaves, levels) = (0..curves.octaves(), 0..=usize::from(header.layers));
+        let regions = 0..usize::from(header.regions);
+        let places = regions.flat_map(|region| octaves.clone().map(move |o| (region, o)));
+        let points = places.flat_map(|(region, octave)| {
+            levels.clone().filter_map(move |layers| curves.point(region, octave, layers))
+        });
+        let numbers = points.flat_map(|point| [point.error, point.blends]);
+        let mut words = vec![curves.density().to_bits(), curves.octaves() as u32];
+        words.extend(bits(numbers));
+        add("CURV", words);
+    }
 }
 
 fn add_rig(avatar: &Avatar<'_>, columns: &mut Columns) {

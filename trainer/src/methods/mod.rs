@@ -1,11 +1,13 @@
 //! Ways to train a cloud: ours and the papers', on the same machinery.
 //!
 //! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
-//! 2. `parts` are the triangles that options choose; `culling` says what a trained cloud loses by it.
+//! 2. `parts` are the triangles that options choose; `culling` says what a trained cloud loses by it,
+//!    `curves` how good a picture each count makes.
 //! 3. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
 
 mod alone;
 mod culling;
+mod curves;
 mod dermis;
 mod lapisgs;
 mod lodavatar;

@@ -1,12 +1,13 @@
 //! What all methods share: the posed mesh, the pictures of it, placement and descent.
 
 use anyhow::{Context, Result, ensure};
-use dermis_format::source::{Importance, Source};
-use dermis_format::{Avatar, DiscWidths};
+use dermis_format::Avatar;
+use dermis_format::source::{Importance, MeasuredCurves, Source};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use super::culling::{self, Culling};
+use super::curves;
 use super::parts::Parts;
 use crate::checkpoint::Journal;
 use crate::embed::density;
@@ -18,8 +19,10 @@ use crate::optimize::cloud::{Cloud, Freedom, Seed};
 use crate::optimize::descend::{Advance, Descent, Problem};
 use crate::optimize::forward::Stage;
 use crate::optimize::loss::Compared;
-use crate::optimize::precision;
+use crate::optimize::mover::Motion;
+use crate::optimize::precision::Precision;
 use crate::optimize::residual;
+use crate::optimize::rounding::as_stored;
 use crate::optimize::schedule::{Prefixes, Random, Schedule};
 use crate::options::Options;
 use crate::package;
@@ -48,7 +51,7 @@ pub struct Workshop<'a> {
     pub(super) random: Random,
     steps: u32,
     /// What the last descent ended with.
-    widths: Option<Vec<DiscWidths>>,
+    precision: Option<Precision>,
     journal: Option<&'a mut Journal>,
 }
 
@@ -92,7 +95,7 @@ impl<'a> Workshop<'a> {
             views,
             random,
             steps: 0,
-            widths: None,
+            precision: None,
             journal: None,
         })
     }
@@ -112,14 +115,26 @@ impl<'a> Workshop<'a> {
         culling::measure(clouds, &self.problem())
     }
 
-    /// Bits of the file's numbers, layer by layer: those that the last steps of the last descent drew with, if they are
-    /// of as many layers.
-    pub fn widths(&self, clouds: &[Cloud]) -> Result<Vec<DiscWidths>> {
+    /// How exact the file's numbers are: as the last steps of the last descent drew them, if they are of as many layers.
+    pub fn precision(&self, clouds: &[Cloud]) -> Result<Precision> {
         let layers = clouds.iter().map(|cloud| cloud.layers.len()).max();
-        match &self.widths {
-            Some(widths) if layers == Some(widths.len()) => Ok(widths.clone()),
-            _ => precision::choose(clouds, &self.problem(), self.options.max_loss_db),
+        match &self.precision {
+            Some(precision) if layers == Some(precision.widths.len()) => Ok(precision.clone()),
+            _ => {
+                let motions: Vec<Motion> = clouds.iter().map(Motion::new).collect();
+                let moments: Vec<_> = motions.iter().map(|motion| &motion.moments[..]).collect();
+                let max_loss_db = self.options.max_loss_db;
+                Precision::choose(clouds, &moments, &self.problem(), max_loss_db)
+            }
         }
+    }
+
+    /// How near the picture of each level is to the mesh, for clouds that the file holds with such precision.
+    pub fn curves(&self, clouds: &[Cloud], precision: &Precision) -> Result<MeasuredCurves> {
+        let stored = clouds.iter().map(|cloud| as_stored(cloud, &precision.widths));
+        let stored: Vec<Cloud> = stored.collect::<Result<_>>()?;
+        let kind = self.options.method.mathematics().frame;
+        curves::measure(&stored, &self.problem(), kind, &self.parts.regions)
     }
 
     /// How much each region matters, which moves in `clips` and of which views have `seen` so much.
@@ -254,8 +269,8 @@ impl<'a> Workshop<'a> {
         if let Some(journal) = &mut journal {
             journal.finish(&descent)?;
         }
-        let (clouds, random, widths) = descent.finish();
-        self.widths = widths;
+        let (clouds, random, precision) = descent.finish();
+        self.precision = precision;
         self.steps += schedule.steps;
         self.random = random;
         self.journal = journal;

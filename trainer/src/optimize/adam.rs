@@ -66,6 +66,12 @@ impl Rates {
 }
 
 impl Moments {
+    /// Mean square of the gradient of late, `None` before the first step.
+    pub fn mean_square(&self) -> Option<[f32; PARAMETERS]> {
+        let rest = 1.0 - self.decay[1];
+        (rest > 0.0).then(|| self.second.map(|second| second / rest))
+    }
+
     /// One step of one Gaussian. `sigma` scales the steps of its position.
     #[inline(always)]
     pub fn step(

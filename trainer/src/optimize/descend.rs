@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::time::Instant;
 
 use anyhow::Result;
-use dermis_format::{DiscWidths, LowPass};
+use dermis_format::LowPass;
 use dermis_runtime::Camera;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ use super::cloud::{Cloud, Parameters, Prefix};
 use super::forward::{Forward, Stage, draw};
 use super::loss::{Compared, Loss};
 use super::mover::{Motion, Mover};
-use super::precision;
+use super::precision::Precision;
 use super::price;
 use super::rounding::as_stored;
 use super::schedule::{Random, Schedule};
@@ -56,8 +56,8 @@ pub struct Descent<'a> {
     /// Views that this round has not seen yet, the next one last.
     order: Vec<usize>,
     step: u32,
-    /// Bits of the file's numbers, layer by layer; chosen when the last steps begin.
-    widths: Option<Vec<DiscWidths>>,
+    /// Of the file's numbers; chosen when the last steps begin.
+    precision: Option<Precision>,
     workspaces: [Workspace; AT_ONCE],
 }
 
@@ -93,7 +93,7 @@ pub struct State<'a> {
     random: Random,
     /// Empty at the end.
     order: Cow<'a, [usize]>,
-    widths: Option<Vec<DiscWidths>>,
+    precision: Option<Cow<'a, Precision>>,
     /// Of each region.
     levels: Vec<Cow<'a, [Vec<Parameters>]>>,
     /// Of each region; empty at the end.
@@ -124,7 +124,7 @@ impl<'a> Descent<'a> {
             random,
             order: Vec::new(),
             step: 0,
-            widths: None,
+            precision: None,
             workspaces: Default::default(),
         }
     }
@@ -141,9 +141,9 @@ impl<'a> Descent<'a> {
             || self.clouds.iter().all(Cloud::is_empty)
     }
 
-    /// The clouds as they are, the numbers that come next, and the bits that the last steps drew with, if any did.
-    pub fn finish(self) -> (Vec<Cloud>, Random, Option<Vec<DiscWidths>>) {
-        (self.clouds, self.random, self.widths)
+    /// The clouds as they are, the numbers that come next, and how exact the last steps drew them, if there were such.
+    pub fn finish(self) -> (Vec<Cloud>, Random, Option<Precision>) {
+        (self.clouds, self.random, self.precision)
     }
 
     /// Where it is.
@@ -155,7 +155,7 @@ impl<'a> Descent<'a> {
             step: self.step,
             random: self.random.clone(),
             order: order.into(),
-            widths: self.widths.clone(),
+            precision: self.precision.as_ref().map(Cow::Borrowed),
             levels: self.clouds.iter().map(|cloud| cloud.levels[..].into()).collect(),
             moments: motions.iter().map(|motion| motion.moments[..].into()).collect(),
         }
@@ -174,7 +174,7 @@ impl<'a> Descent<'a> {
                 || same_lengths(&state.moments, self.motions.iter().map(|motion| &motion.moments)));
         self.random = state.random;
         self.order = state.order.into_owned();
-        self.widths = state.widths;
+        self.precision = state.precision.map(Cow::into_owned);
         for (cloud, levels) in self.clouds.iter_mut().zip(state.levels) {
             cloud.levels = levels.into_owned();
         }
@@ -227,15 +227,19 @@ impl<'a> Descent<'a> {
 
     /// The clouds as a file would hold them.
     fn stored(&mut self) -> Result<Vec<Cloud>> {
-        let widths = match &self.widths {
-            Some(widths) => widths,
-            None => self.widths.insert(precision::choose(
-                &self.clouds,
-                self.problem,
-                self.schedule.max_loss_db,
-            )?),
+        let precision = match &self.precision {
+            Some(precision) => precision,
+            None => {
+                let moments: Vec<_> =
+                    self.motions.iter().map(|motion| &motion.moments[..]).collect();
+                let (clouds, problem) = (&self.clouds, self.problem);
+                let max_loss_db = self.schedule.max_loss_db;
+                self.precision.insert(Precision::choose(clouds, &moments, problem, max_loss_db)?)
+            }
         };
-        self.clouds.iter().map(|cloud| as_stored(cloud, widths)).collect()
+        let mut clouds = self.clouds.clone();
+        precision.keep_limits(&mut clouds);
+        clouds.iter().map(|cloud| as_stored(cloud, &precision.widths)).collect()
     }
 
     /// What the next step draws.

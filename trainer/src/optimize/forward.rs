@@ -72,6 +72,11 @@ pub struct Forward {
 }
 
 impl Forward {
+    /// Gaussians blended into pixels.
+    pub fn blends(&self) -> u64 {
+        self.bands.iter().map(|band| band.blends).sum()
+    }
+
     /// The list of each tile that has one, front to back.
     pub fn lists(&self) -> impl Iterator<Item = (u32, &[Pair])> {
         let tiles = self.bands.iter().flat_map(|band| {
@@ -105,6 +110,8 @@ pub struct Band {
     pub pairs: Vec<Pair>,
     /// End of each tile's list.
     pub ends: Vec<u32>,
+    /// Gaussians blended into its pixels.
+    pub blends: u64,
 }
 
 /// Draws a prefix of each region's cloud over `background`.
@@ -211,7 +218,8 @@ fn draw_band(
     let Listed { splats, grid, .. } = listed;
     let run = row * grid.columns..(row + 1) * grid.columns;
     let pairs = counts[run.start as usize..run.end as usize].iter().sum::<u32>();
-    let mut band = Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()] };
+    let mut band =
+        Band { pairs: vec![Pair::default(); pairs as usize], ends: vec![0; run.len()], blends: 0 };
     let longest = counts[run.start as usize..run.end as usize].iter().max().map_or(0, |&n| n);
     let mut spare = vec![Pair::default(); longest as usize];
     listed.fill_run(counts, run.clone(), &mut band.pairs, &mut spare, &mut band.ends);
@@ -225,7 +233,8 @@ fn draw_band(
         }
         tile_pixels.reset();
         let [columns, rows] = grid.pixels(tile);
-        draw_tile(kernel, splats, order, [columns.clone(), rows.clone()], &mut tile_pixels);
+        let area = [columns.clone(), rows.clone()];
+        band.blends += draw_tile(kernel, splats, order, area, &mut tile_pixels).blends;
         for (y, row) in (0..rows.len()).zip(&tile_pixels.0) {
             let to = y * grid.width as usize + columns.start as usize;
             for (column, pixel) in pixels[to..to + columns.len()].iter_mut().enumerate() {

@@ -7,7 +7,8 @@
 //!    them from the screen to the discs, many at once by [`discs`].
 //! 5. [`mover`] takes them to the parameters of the levels, which [`adam`] moves.
 //! 6. [`schedule`] says how many steps, which prefix, and which rates.
-//! 7. [`rounding`] is what the last steps draw: the file's numbers.
+//! 7. [`rounding`] is what the last steps draw: the file's numbers, in as many bits as [`precision`] chooses, in ranges that
+//!    end at [`limits`].
 //! 8. [`descend`] puts them in a loop.
 //! 9. [`fulls`] draws and moves Gaussians that another program trained.
 //! 10. [`residual`] says where a cloud still differs from the truth.
@@ -21,6 +22,7 @@ pub mod descend;
 pub mod discs;
 pub mod forward;
 pub mod fulls;
+pub mod limits;
 pub mod loss;
 pub mod mover;
 pub mod precision;

@@ -5,16 +5,19 @@
 //! one by one to where they lessen the sum most, until it is small beside the squared error that the level has anyway.
 //! This is the allocation of bits of transform coding (Huang and Schultheiss 1963, whole bits as Fox 1966), with the
 //! picture as the judge: the rule says in which order bits come, and the level is drawn to see how many of them it
-//! takes.
+//! takes. Ranges end where [`Limits`] puts them for so many bits.
 
 use anyhow::Result;
 use dermis_format::DiscWidths;
 use dermis_format::discs::MOST_BITS;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::cloud::{Cloud, Prefix};
+use super::adam::Moments;
+use super::cloud::{Cloud, Parameters, Prefix};
 use super::descend::Problem;
 use super::forward::{Stage, draw};
+use super::limits::Limits;
 use super::rounding::level_as_stored;
 use crate::picture::Picture;
 use crate::truth::{Scratch, TrainingView};
@@ -25,14 +28,67 @@ const VIEWS: usize = 4;
 /// Bits of the number that is measured; enough for its error to be small, few enough for it to be far above that of 8.
 const PROBE: u8 = 5;
 
-/// Bits of each number of discs at each layer of the file that ends a level, so that a level's PSNR falls by
-/// `max_loss_db` at most on the training views. Clouds of one level have one choice for all layers.
-///
-/// # Errors
-///
-/// Where a picture cannot be read, or a number is not finite.
-pub fn choose(
+/// How exact a file's numbers are.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Precision {
+    /// Bits, layer by layer.
+    pub widths: Vec<DiscWidths>,
+    /// Ends of ranges of each region, level by level.
+    limits: Vec<Vec<Limits>>,
+}
+
+impl Precision {
+    /// Bits of each number of discs at each layer of the file that ends a level, so that a level's PSNR falls by
+    /// `max_loss_db` at most on the training views. Clouds of one level have one choice for all layers. `moments` are those
+    /// of each region's Gaussians, level by level.
+    ///
+    /// # Errors
+    ///
+    /// Where a picture cannot be read, or a number is not finite.
+    pub fn choose(
+        clouds: &[Cloud],
+        moments: &[&[Vec<Moments>]],
+        problem: &Problem<'_>,
+        max_loss_db: f32,
+    ) -> Result<Self> {
+        let widths = widths(clouds, moments, problem, max_loss_db)?;
+        let of_cloud = |(cloud, moments): (&Cloud, &&[Vec<Moments>])| {
+            let ends = layers_that_end_levels(cloud);
+            let levels = cloud.levels.iter().zip(*moments).zip(ends);
+            let limits = levels.map(|((level, moments), layer)| {
+                let widths = widths.get(layer).copied().unwrap_or_default();
+                Limits::choose(cloud, level, moments, widths)
+            });
+            limits.collect()
+        };
+        let limits = clouds.iter().zip(moments).map(of_cloud).collect();
+        Ok(Self { widths, limits })
+    }
+
+    /// Moves numbers beyond the ends of their ranges to them. Clouds of other shapes stay as they are.
+    pub fn keep_limits(&self, clouds: &mut [Cloud]) {
+        for (cloud, limits) in clouds.iter_mut().zip(&self.limits) {
+            let mut levels = core::mem::take(&mut cloud.levels);
+            for (level, limits) in levels.iter_mut().zip(limits) {
+                limits.keep(cloud, level);
+            }
+            cloud.levels = levels;
+        }
+    }
+}
+
+/// The layer with which each level ends: the last one, if there is one level of all.
+fn layers_that_end_levels(cloud: &Cloud) -> Vec<usize> {
+    let layers = (0..cloud.layers.len()).filter(|&layer| cloud.layers[layer] > 0);
+    let mut layers: Vec<usize> = layers.collect();
+    let extra = layers.len().saturating_sub(cloud.levels.len());
+    layers.drain(..extra);
+    layers
+}
+
+fn widths(
     clouds: &[Cloud],
+    moments: &[&[Vec<Moments>]],
     problem: &Problem<'_>,
     max_loss_db: f32,
 ) -> Result<Vec<DiscWidths>> {
@@ -44,7 +100,7 @@ pub fn choose(
         }
         let count = |cloud: &Cloud| cloud.layers[..=layer].iter().sum::<u32>();
         let prefixes = clouds.iter().map(|cloud| Prefix::of(count(cloud), cloud)).collect();
-        Level { clouds, problem, prefixes, layers }.choose(f64::from(max_loss_db))
+        Level { clouds, moments, problem, prefixes, layers }.choose(f64::from(max_loss_db))
     };
     let mut chosen: Vec<DiscWidths> = (0..layers).map(of_layer).collect::<Result<_>>()?;
     if clouds.iter().all(|cloud| cloud.levels.len() < 2)
@@ -58,6 +114,7 @@ pub fn choose(
 /// A level and what it is to look like.
 struct Level<'a> {
     clouds: &'a [Cloud],
+    moments: &'a [&'a [Vec<Moments>]],
     problem: &'a Problem<'a>,
     prefixes: Vec<Prefix>,
     layers: usize,
@@ -70,11 +127,13 @@ impl Level<'_> {
         let allowed = self.error(&exact)? * (10f64.powf(max_loss_db / 10.0) - 1.0);
         let mut rounded = |widths: DiscWidths| -> Result<f64> {
             // A whole level: no other one is drawn.
-            let all = self.clouds.iter().zip(&self.prefixes).zip(&mut clouds);
-            for ((cloud, prefix), rounded) in all {
-                if let Some(level) = cloud.levels.get(prefix.level) {
-                    let widths = vec![widths; self.layers];
-                    rounded.levels[prefix.level] = level_as_stored(cloud, level, &widths)?;
+            let all = self.clouds.iter().zip(self.moments).zip(&self.prefixes).zip(&mut clouds);
+            for (((cloud, moments), prefix), rounded) in all {
+                let number = prefix.level;
+                if let (Some(level), Some(moments)) =
+                    (cloud.levels.get(number), moments.get(number))
+                {
+                    rounded.levels[number] = self.rounded(cloud, level, moments, widths)?;
                 }
             }
             Ok(mean_square(&exact, &self.pictures(&clouds)))
@@ -97,6 +156,19 @@ impl Level<'_> {
             }
         }
         Ok(path[high])
+    }
+
+    /// A level of a cloud with numbers of so many bits.
+    fn rounded(
+        &self,
+        cloud: &Cloud,
+        level: &[Parameters],
+        moments: &[Moments],
+        widths: DiscWidths,
+    ) -> Result<Vec<Parameters>> {
+        let mut level = level.to_vec();
+        Limits::choose(cloud, &level, moments, widths).keep(cloud, &mut level);
+        level_as_stored(cloud, &level, &vec![widths; self.layers])
     }
 
     fn views(&self) -> impl Iterator<Item = &TrainingView> {

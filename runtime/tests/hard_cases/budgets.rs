@@ -1,0 +1,279 @@
+//! One budget for many avatars: never exceeded, spent where it helps, the same every time.
+
+use dermis_format::CurvePoint;
+use dermis_format::source::{Gaussians, MeasuredCurves, Region, Source};
+use dermis_runtime::budget::{Budget, Gaze, Instance, Spent, plan, scratch_len};
+use dermis_runtime::footprint::Footprint;
+use dermis_runtime::{Avatar, Camera, Error, Kernel, Plan, Pose, Posed};
+use proptest::prelude::*;
+
+use crate::scenes::{DOT, UNIT, bytes, sheet};
+
+/// Regions with these layers and, if any, curves of two octaves from these numbers.
+fn measured(layers: &[Vec<u32>], numbers: &[[f32; 2]]) -> Source {
+    let mut source = sheet(&[]);
+    let region = source.regions.remove(0);
+    let of = |layers: &Vec<u32>| {
+        let n = layers.iter().sum::<u32>() as usize;
+        Region {
+            layers: layers.clone(),
+            gaussians: Gaussians::Disc(vec![DOT; n]),
+            triangles: vec![0; n],
+            ..region.clone()
+        }
+    };
+    source.regions = layers.iter().map(of).collect();
+    source.mesh.triangle_regions = vec![0];
+    if let Some(levels) = layers.first().map(|layers| layers.len() + 1) {
+        let points = numbers.iter().cycle().take(2 * levels * layers.len());
+        let points = points.map(|&[error, blends]| CurvePoint { error, blends }).collect();
+        source.curves =
+            (!numbers.is_empty()).then_some(MeasuredCurves { density: 100.0, octaves: 2, points });
+    }
+    source
+}
+
+fn any_avatar() -> impl Strategy<Value = Vec<u8>> {
+    let layers = (1usize..5, 1usize..4).prop_flat_map(|(layers, regions)| {
+        let layer = prop_oneof![1 => Just(0u32), 4 => 1u32..60];
+        prop::collection::vec(prop::collection::vec(layer, layers), regions)
+    });
+    let numbers = prop::collection::vec([0.0f32..0.3, 0.0f32..40.0], 0..40);
+    (layers, numbers).prop_map(|(layers, numbers)| bytes(&measured(&layers, &numbers)))
+}
+
+fn any_footprint() -> impl Strategy<Value = Footprint> {
+    let area = prop_oneof![1 => Just(0.0f32), 4 => 1.0f32..1e5];
+    (area, -2.0f32..9.0).prop_map(|(area, octave)| Footprint {
+        area,
+        density: octave.exp2(),
+        center: [area.sqrt(), 3.0],
+    })
+}
+
+/// Avatars, and which of them stand where, with what weight.
+type Scene = (Vec<Vec<u8>>, Vec<(usize, Vec<Footprint>, f32)>);
+
+fn any_scene() -> impl Strategy<Value = Scene> {
+    let instance = (
+        any::<usize>(),
+        prop::collection::vec(any_footprint(), 3),
+        prop_oneof![Just(1.0f32), 0.0f32..9.0],
+    );
+    (prop::collection::vec(any_avatar(), 1..4), prop::collection::vec(instance, 0..=16))
+}
+
+/// Calls `check` with the instances of a scene.
+fn with_instances<T>((files, places): &Scene, check: impl FnOnce(&[Instance<'_, '_>]) -> T) -> T {
+    let avatars: Vec<Avatar<'_>> = files.iter().map(|file| Avatar::parse(file).unwrap()).collect();
+    let instances: Vec<Instance<'_, '_>> = places
+        .iter()
+        .map(|(avatar, footprints, weight)| {
+            let avatar = &avatars[avatar % avatars.len()];
+            let regions = usize::from(avatar.header().regions);
+            let footprints = footprints.iter().take(regions).copied().collect();
+            Instance { avatar, footprints, weight: *weight }
+        })
+        .collect();
+    check(&instances)
+}
+
+fn planned(instances: &[Instance<'_, '_>], budget: &Budget) -> (Spent, Vec<Plan>) {
+    let mut plans = vec![Plan::default(); instances.len()];
+    let mut scratch = vec![0xdead_beef; scratch_len(instances)];
+    let spent = plan(instances, budget, None, &mut scratch, &mut plans).unwrap();
+    (spent, plans)
+}
+
+/// Gaussians that some budget would still be spent on: what the greatest spends.
+fn worth_drawing(instances: &[Instance<'_, '_>]) -> u32 {
+    planned(instances, &Budget::of_gaussians(u32::MAX)).0.gaussians
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn no_budget_is_exceeded(
+        scene in any_scene(),
+        gaussians in 0u32..3_000,
+        blends in prop_oneof![Just(f32::INFINITY), 0.0f32..3e6],
+    ) {
+        with_instances(&scene, |instances| {
+            let budget = Budget { gaussians, blends };
+            let (spent, plans) = planned(instances, &budget);
+            prop_assert!(spent.gaussians <= gaussians && spent.blends <= blends, "{spent:?}");
+            prop_assert_eq!(plans.iter().map(Plan::gaussians).sum::<u32>(), spent.gaussians);
+            prop_assert_eq!(&planned(instances, &budget).1, &plans);
+            for (instance, plan) in instances.iter().zip(&plans) {
+                for (region, footprint) in plan.regions().iter().zip(&instance.footprints) {
+                    prop_assert!(footprint.area > 0.0 || region.count == 0, "{footprint:?}");
+                }
+            }
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn all_is_spent_while_something_is_worth_it(scene in any_scene(), gaussians in 0u32..3_000) {
+        with_instances(&scene, |instances| {
+            let spent = planned(instances, &Budget::of_gaussians(gaussians)).0;
+            prop_assert_eq!(spent.gaussians, gaussians.min(worth_drawing(instances)));
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn more_is_never_worse(scene in any_scene(), budgets in prop::collection::vec(0u32..2_000, 2..20)) {
+        with_instances(&scene, |instances| {
+            let mut budgets = budgets;
+            budgets.sort_unstable();
+            let errors: Vec<f32> = budgets
+                .iter()
+                .map(|&gaussians| planned(instances, &Budget::of_gaussians(gaussians)).0.error)
+                .collect();
+            for pair in errors.windows(2) {
+                // Sums of up to 200 steps in f32.
+                prop_assert!(pair[1] <= pair[0] + 1e-5 * errors[0], "{errors:?}");
+            }
+            Ok(())
+        })?;
+    }
+
+    /// No other sharing out of a few Gaussians, by levels, is better.
+    #[test]
+    fn no_plan_of_whole_levels_is_better(
+        files in prop::collection::vec(any_avatar(), 2),
+        footprints in prop::collection::vec(any_footprint(), 6),
+        gaussians in 0u32..200,
+    ) {
+        let places = vec![(0, footprints[..3].to_vec(), 1.0), (1, footprints[3..].to_vec(), 1.0)];
+        with_instances(&(files, places), |instances| {
+            let (spent, _) = planned(instances, &Budget::of_gaussians(gaussians));
+            let best = best_of_levels(instances, gaussians);
+            prop_assert!(spent.error <= best * 1.000_1 + 1e-3, "{} of {best}", spent.error);
+            Ok(())
+        })?;
+    }
+}
+
+/// Least error of all ways to give each region a level, by trying all.
+fn best_of_levels(instances: &[Instance<'_, '_>], gaussians: u32) -> f32 {
+    let mut ways = vec![(0u32, 0.0f32)];
+    for instance in instances {
+        for (region, footprint) in instance.footprints.iter().enumerate() {
+            let options = options(instance, region, footprint);
+            let more = ways.iter().flat_map(|&(count, error)| {
+                options.iter().map(move |&(more, of)| (count + more, error + of))
+            });
+            ways = more.filter(|&(count, _)| count <= gaussians).collect();
+        }
+    }
+    ways.into_iter().map(|(_, error)| error).fold(f32::MAX, f32::min)
+}
+
+/// Gaussians and error of each level of a region, once more and in other words.
+fn options(instance: &Instance<'_, '_>, region: usize, footprint: &Footprint) -> Vec<(u32, f32)> {
+    let avatar = instance.avatar;
+    let octave = |density: f32| (density / footprint.density).log2().clamp(0.0, 1.0);
+    // An empty layer is no level.
+    let exists = |layers: &usize| *layers == 0 || avatar.layer_len(region, layers - 1) > 0;
+    (0..=usize::from(avatar.header().layers))
+        .filter(exists)
+        .map(|layers| {
+            let count = (0..layers).map(|layer| avatar.layer_len(region, layer)).sum::<u32>();
+            let error = match avatar.curves() {
+                Some(curves) => {
+                    let at = |octave| curves.point(region, octave, layers).unwrap().error;
+                    let share = octave(curves.density());
+                    at(0) * (1.0 - share) + at(1) * share
+                }
+                None if count <= 40 => 0.25,
+                None => 10.0 / count as f32,
+            };
+            (count, error * footprint.area * instance.weight * avatar.region_weight(region))
+        })
+        .collect()
+}
+
+#[test]
+fn a_near_avatar_gets_more_than_a_far_one_and_the_eye_decides_between_equals() {
+    let numbers =
+        [[0.2, 0.0], [0.02, 20.0], [0.005, 25.0], [0.2, 0.0], [0.01, 20.0], [0.004, 25.0]];
+    let file = bytes(&measured(&[vec![100, 300]], &numbers));
+    let avatar = Avatar::parse(&file).unwrap();
+    let at = |area: f32, x: f32| Instance {
+        avatar: &avatar,
+        footprints: [Footprint { area, density: 100.0, center: [x, 0.0] }].into_iter().collect(),
+        weight: 1.0,
+    };
+    let budget = Budget::of_gaussians(500);
+    let counts = |instances: &[Instance<'_, '_>], gaze: Option<&Gaze>| -> Vec<u32> {
+        let mut plans = vec![Plan::default(); instances.len()];
+        let mut scratch = vec![0; scratch_len(instances)];
+        plan(instances, &budget, gaze, &mut scratch, &mut plans).unwrap();
+        plans.iter().map(Plan::gaussians).collect()
+    };
+    assert_eq!(counts(&[at(900.0, 0.0), at(90_000.0, 0.0)], None), [100, 400]);
+    let equals = [at(900.0, 10.0), at(900.0, 500.0)];
+    assert_eq!(counts(&equals, Some(&Gaze { point: [500.0, 0.0], falloff: 50.0 })), [100, 400]);
+    assert_eq!(counts(&equals, Some(&Gaze { point: [0.0, 0.0], falloff: 50.0 })), [400, 100]);
+}
+
+#[test]
+fn too_little_memory_and_too_few_plans_are_said() {
+    let file = bytes(&measured(&[vec![4]], &[]));
+    let avatar = Avatar::parse(&file).unwrap();
+    let instances = [Instance { avatar: &avatar, footprints: Default::default(), weight: 1.0 }];
+    let budget = Budget::of_gaussians(9);
+    let needed = scratch_len(&instances);
+    let mut plans = [Plan::default()];
+    let mut short = vec![0; needed - 1];
+    let refused = plan(&instances, &budget, None, &mut short, &mut plans);
+    assert_eq!(refused, Err(Error::Scratch { needed, lent: needed - 1 }));
+    let refused = plan(&instances, &budget, None, &mut vec![0; needed], &mut []);
+    assert_eq!(refused, Err(Error::Plan));
+}
+
+/// From in front, from the side, from behind, from afar, and turned away.
+#[test]
+fn footprints_are_the_pixels_that_triangles_cover() {
+    let file = bytes(&sheet(&[DOT]));
+    let avatar = Avatar::parse(&file).unwrap();
+    let looking = |rows: [[f32; 4]; 3]| Camera {
+        width: 200,
+        height: 100,
+        fx: 50.0,
+        fy: 60.0,
+        cx: 100.0,
+        cy: 50.0,
+        world_to_camera: rows,
+    };
+    let front = |distance: f32| {
+        looking([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, distance]])
+    };
+    let area_of = |corners: [[f32; 3]; 3]| {
+        let [a, b, c] = corners;
+        0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+    };
+    let expected = |distance: f32| {
+        let pixels = UNIT.map(|[x, y, _]| [50.0 * x / distance, 60.0 * y / distance, 0.0]);
+        area_of(pixels)
+    };
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    for kernel in Kernel::available() {
+        let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut scratch).unwrap();
+        for distance in [2.0, 5.0, 40.0] {
+            let footprints = posed.footprints(&front(distance));
+            let Footprint { area, density, center } = footprints[0];
+            assert!((area / expected(distance) - 1.0).abs() < 1e-5, "{area} at {distance} m");
+            assert!((density * distance / 3000f32.sqrt() - 1.0).abs() < 1e-5, "{density}");
+            assert!(center[0] == 100.0 && (center[1] - 50.0).abs() < 1e-3, "{center:?}");
+        }
+        let behind = looking([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 3.0]]);
+        let aside = looking([[1.0, 0.0, 0.0, 90.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 3.0]]);
+        for nothing in [behind, aside, front(-3.0)] {
+            assert_eq!(posed.footprints(&nothing)[0], Footprint::default(), "{nothing:?}");
+        }
+    }
+}

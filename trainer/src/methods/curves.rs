@@ -1,0 +1,162 @@
+//! How near the picture of each level is to the mesh, region by region and from one distance to the next: what a plan
+//! weighs when it shares a budget out.
+
+use anyhow::Result;
+use dermis_format::source::MeasuredCurves;
+use dermis_format::{CurvePoint, FrameKind};
+use dermis_runtime::footprint::{Covered, covered};
+use dermis_runtime::project::View;
+
+use crate::embed::regions::Regions;
+use crate::optimize::cloud::{Cloud, Prefix};
+use crate::optimize::descend::Problem;
+use crate::optimize::forward::{Forward, Stage, draw};
+use crate::optimize::price;
+use crate::optimize::residual::by_drawn;
+use crate::picture::Picture;
+use crate::truth::{Scratch, TrainingView, scaled};
+
+/// Training pictures that are looked at, at most.
+const MOST_VIEWS: usize = 12;
+/// Sizes at which they are, each half of the one before.
+const OCTAVES: u32 = 5;
+const BLACK: [f32; 3] = [0.0; 3];
+const WHITE: [f32; 3] = [1.0; 3];
+
+/// Measures clouds that are as the file will hold them, on frames of a kind. Each of twelve views is drawn at every level
+/// and size over black and over white.
+pub(super) fn measure(
+    clouds: &[Cloud],
+    problem: &Problem<'_>,
+    kind: FrameKind,
+    regions: &Regions,
+) -> Result<MeasuredCurves> {
+    let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
+    let layers = clouds.iter().map(|cloud| cloud.layers.len()).max().unwrap_or(0);
+    let mut octaves = vec![vec![vec![Sums::default(); layers + 1]; clouds.len()]; OCTAVES as usize];
+    let mut densities = Vec::new();
+    for view in problem.views.iter().step_by(step) {
+        let (footprints, density) = footprints(view, &problem.stages[view.stage], kind, regions);
+        densities.push(libm::log2f(density));
+        for (octave, sums) in (0..).zip(&mut octaves) {
+            add_view(clouds, problem, view, octave, &footprints, sums)?;
+        }
+    }
+    let points = (0..clouds.len()).flat_map(|region| {
+        octaves.iter().flat_map(move |octave| octave[region].iter().map(Sums::point))
+    });
+    Ok(MeasuredCurves {
+        density: libm::exp2f(densities.iter().sum::<f32>() / densities.len().max(1) as f32),
+        octaves: OCTAVES as u8,
+        points: points.collect(),
+    })
+}
+
+/// Sums over pictures of one region, level and size.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    footprint: f64,
+    squares: f64,
+    blends: f64,
+}
+
+impl Sums {
+    fn point(&self) -> CurvePoint {
+        let pixels = self.footprint.max(1.0);
+        CurvePoint {
+            error: (self.squares / (3.0 * pixels)) as f32,
+            blends: (self.blends / pixels) as f32,
+        }
+    }
+}
+
+/// Pixels that the triangles of each region cover that show something, and how many there are to a metre: the root of
+/// their mean square.
+fn footprints(
+    view: &TrainingView,
+    stage: &Stage,
+    kind: FrameKind,
+    regions: &Regions,
+) -> (Vec<f64>, f32) {
+    let camera = View::<f32>::new(&view.camera);
+    let mut areas = vec![0.0; regions.len()];
+    let mut squares = 0.0;
+    let triangles = stage.frames.iter().zip(&stage.two_sided).zip(&regions.of_triangles);
+    for ((frame, &two_sided), &region) in triangles {
+        let Some(frame) = frame else { continue };
+        let Covered { area, center: [.., z] } = covered(frame, kind, &camera);
+        if area > 0.0 || two_sided {
+            let area = f64::from(area.abs());
+            areas[usize::from(region)] += area;
+            squares += area * f64::from(view.camera.fx * view.camera.fy / (z * z)).abs();
+        }
+    }
+    let all = areas.iter().sum::<f64>().max(1e-9);
+    (areas, (squares / all).sqrt().max(1e-9) as f32)
+}
+
+/// Adds a view, its sides halved `octave` times, to the sums of each region and level.
+fn add_view(
+    clouds: &[Cloud],
+    problem: &Problem<'_>,
+    view: &TrainingView,
+    octave: u32,
+    footprints: &[f64],
+    sums: &mut [Vec<Sums>],
+) -> Result<()> {
+    let (mut reading, mut squares) = (Scratch::default(), Vec::new());
+    let camera = scaled(&view.camera, octave);
+    let stage = &problem.stages[view.stage];
+    let all = footprints.iter().sum::<f64>().max(1e-9);
+    let shares: Vec<f64> = footprints.iter().map(|footprint| footprint / all).collect();
+    for (region, footprint) in sums.iter_mut().zip(footprints) {
+        // Two pictures, a quarter of the pixels for each octave.
+        let pixels = 2.0 * footprint / f64::from(1 << (2 * octave));
+        region.iter_mut().for_each(|sums| sums.footprint += pixels);
+    }
+    for background in [BLACK, WHITE] {
+        let mut truth = Picture::default();
+        view.truth.draw(background, octave, &mut reading, &mut truth)?;
+        let pixels = truth.rgb.iter().flat_map(|rgb| rgb.iter().zip(background));
+        let nothing: f64 = pixels.map(|(a, b)| f64::from((a - b) * (a - b))).sum();
+        for (region, share) in sums.iter_mut().zip(&shares) {
+            region[0].squares += nothing * share;
+        }
+        for level in 1..sums.first().map_or(0, Vec::len) {
+            let prefixes: Vec<Prefix> = (clouds.iter())
+                .map(|cloud| Prefix::of(cloud.layers[..level].iter().sum(), cloud))
+                .collect();
+            let forward = draw(clouds, &prefixes, stage, &camera, problem.low_pass, background);
+            let by_splats = by_drawn(&forward, &truth, &mut squares);
+            let whole: f64 = squares.iter().map(|square| f64::from(square[0])).sum();
+            add_picture(
+                &forward,
+                &by_splats,
+                whole,
+                &shares,
+                sums.iter_mut().map(|r| &mut r[level]),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Adds a picture of a level, whose splats have these shares of its `whole` squares.
+fn add_picture<'s>(
+    forward: &Forward,
+    by_splats: &[f32],
+    whole: f64,
+    shares: &[f64],
+    sums: impl Iterator<Item = &'s mut Sums>,
+) {
+    let sum = |squares: &[f32]| squares.iter().map(|&square| f64::from(square)).sum::<f64>();
+    let predicted = |splats: &[_]| splats.iter().map(|s| f64::from(price::blends(s))).sum::<f64>();
+    // Pixels that are finished early take less than footprints of splats say.
+    let taken = forward.blends() as f64 / predicted(&forward.splats).max(1.0);
+    // What shows through, of holes and of the rim, is everybody's.
+    let rest = (whole - sum(by_splats)).max(0.0);
+    for ((sums, drawn), share) in sums.zip(&forward.regions).zip(shares) {
+        sums.squares += sum(&by_splats[drawn.clone()]) + rest * share;
+        sums.blends += taken * predicted(&forward.splats[drawn.clone()]);
+    }
+}
