@@ -19,9 +19,26 @@ pub struct CurvePoint {
 pub struct Curves<'a> {
     density: f32,
     octaves: usize,
-    /// Levels, nothing included.
-    levels: usize,
+    /// Of each region and octave.
+    stops: usize,
     points: &'a [CurvePointRecord],
+}
+
+/// Counts at which a region of so many layers is measured.
+pub const fn stops(layers: usize) -> usize {
+    layers + 3
+}
+
+/// Gaussians of a region at each stop: none, a sixteenth and a quarter of the first layer that is not empty, rounded up, then
+/// all of the layers up to each one.
+pub fn count_at(stop: usize, layer_len: impl Fn(usize) -> u32, layers: usize) -> u32 {
+    let first = || (0..layers).map(&layer_len).find(|&len| len > 0).unwrap_or(0);
+    match stop {
+        0 => 0,
+        1 => first().div_ceil(16),
+        2 => first().div_ceil(4),
+        _ => (0..layers.min(stop - 2)).map(layer_len).sum(),
+    }
 }
 
 /// Octaves at most.
@@ -31,16 +48,16 @@ impl<'a> Curves<'a> {
     /// `None` where the payload is not as long as its head and the header say, or holds numbers that no curve has.
     pub(crate) fn split(payload: &'a [u8], header: &Header) -> Option<Self> {
         let ([head], rest) = take_plane::<CurvesRecord>(payload, 1)? else { return None };
-        let (octaves, levels) = (usize::from(head.octaves), usize::from(header.layers) + 1);
+        let (octaves, stops) = (usize::from(head.octaves), stops(header.layers.into()));
         let points: &[CurvePointRecord] = plane(rest)?;
         let density = head.density.get();
         let numbers = points.iter().flat_map(|point| [point.error.get(), point.blends.get()]);
-        let valid = points.len() == usize::from(header.regions) * octaves * levels
+        let valid = points.len() == usize::from(header.regions) * octaves * stops
             && (1..=MAX_OCTAVES).contains(&octaves)
             && density > 0.0
             && density <= 1e12
             && numbers.into_iter().all(|number| (0.0..=1e6).contains(&number));
-        valid.then_some(Self { density, octaves, levels, points })
+        valid.then_some(Self { density, octaves, stops, points })
     }
 
     /// Pixels to a metre of octave 0; each octave has half as many as the one before.
@@ -53,12 +70,12 @@ impl<'a> Curves<'a> {
         self.octaves
     }
 
-    /// Region `region` at an octave, with the first `layers` layers: nothing with 0.
-    pub fn point(&self, region: usize, octave: usize, layers: usize) -> Option<CurvePoint> {
-        if octave >= self.octaves || layers >= self.levels {
+    /// Region `region` at an octave, with as many Gaussians as [`count_at`] says of `stop`.
+    pub fn point(&self, region: usize, octave: usize, stop: usize) -> Option<CurvePoint> {
+        if octave >= self.octaves || stop >= self.stops {
             return None;
         }
-        let place = (region * self.octaves + octave) * self.levels + layers;
+        let place = (region * self.octaves + octave) * self.stops + stop;
         let point = self.points.get(place)?;
         Some(CurvePoint { error: point.error.get(), blends: point.blends.get() })
     }

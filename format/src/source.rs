@@ -34,7 +34,7 @@ pub struct MeasuredCurves {
     pub density: f32,
     /// Octaves, 1 to 8.
     pub octaves: u8,
-    /// Of each region, of each octave, nothing and then each layer's end.
+    /// Of each region, of each octave, of each stop ([`crate::curves::count_at`]).
     pub points: Vec<CurvePoint>,
 }
 

@@ -8,6 +8,7 @@
 //! that save nothing, because a layer is finer than the pixels, are not taken at all.
 
 use bytemuck::{Pod, Zeroable};
+use dermis_format::curves::{count_at, stops};
 use dermis_format::{Avatar, CurvePoint};
 
 use crate::error::Error;
@@ -91,7 +92,7 @@ struct Step {
 
 /// Words of scratch that [`plan`] needs.
 pub fn scratch_len(instances: &[Instance<'_, '_>]) -> usize {
-    let steps = steps(instances);
+    let steps = most_steps(instances);
     let regions = instances.len().saturating_mul(MAX_REGIONS);
     words::<Step>(steps)
         .saturating_add(words::<Pair>(steps).saturating_mul(2))
@@ -100,11 +101,11 @@ pub fn scratch_len(instances: &[Instance<'_, '_>]) -> usize {
 
 const MAX_REGIONS: usize = dermis_format::header::MAX_REGIONS;
 
-/// Steps at most: as many as there are layers.
-fn steps(instances: &[Instance<'_, '_>]) -> usize {
+/// Steps at most: as many as there are stops behind the first.
+fn most_steps(instances: &[Instance<'_, '_>]) -> usize {
     let of = |instance: &Instance<'_, '_>| {
         let header = instance.avatar.header();
-        usize::from(header.regions) * usize::from(header.layers)
+        usize::from(header.regions) * (stops(header.layers.into()) - 1)
     };
     instances.iter().map(of).fold(0, usize::saturating_add)
 }
@@ -128,7 +129,7 @@ pub fn plan(
         return Err(Error::Plan);
     }
     let mut scratch = Scratch::new(scratch, scratch_len(instances))?;
-    let most = steps(instances);
+    let most = most_steps(instances);
     let steps = scratch.take::<Step>(most)?;
     let (order, spare) = (scratch.take::<Pair>(most)?, scratch.take::<Pair>(most)?);
     let counts = scratch.take::<u32>(instances.len().saturating_mul(MAX_REGIONS))?;
@@ -178,7 +179,7 @@ fn take(step: &Step, budget: &Budget, count: &mut u32, spent: &mut Spent) {
     let mut gaussians = all.min(left);
     let share = |gaussians: u32| gaussians as f32 / all as f32;
     if step.from == 0 {
-        // A few Gaussians of the first level are wider, and blend as often as all of them.
+        // A few Gaussians are wider, and blend as often as more would.
         if !(step.blends <= blends) || gaussians == 0 {
             return;
         }
@@ -207,7 +208,7 @@ fn weight(
     instance.weight * instance.avatar.region_weight(region) * looked_at
 }
 
-/// Error and blends of one region in a picture, by how many layers are drawn.
+/// Error and blends of one region in a picture, by how many Gaussians are drawn.
 struct Curve<'i, 's, 'a> {
     instance: &'i Instance<'s, 'a>,
     region: usize,
@@ -216,12 +217,13 @@ struct Curve<'i, 's, 'a> {
 }
 
 impl Curve<'_, '_, '_> {
-    /// Gaussians of the first `layers` layers, as far as they are there, and what they make of the region's pixels.
-    fn at(&self, layers: usize) -> (u32, CurvePoint) {
+    /// Gaussians at a stop, as far as they are there, and what they make of the region's pixels.
+    fn at(&self, stop: usize) -> (u32, CurvePoint) {
         let avatar = self.instance.avatar;
-        let count = (0..layers).map(|layer| avatar.layer_len(self.region, layer)).sum::<u32>();
+        let layer_len = |layer| avatar.layer_len(self.region, layer);
+        let count = count_at(stop, layer_len, avatar.header().layers.into());
         let CurvePoint { error, blends } = match avatar.curves() {
-            Some(_) => self.measured(layers),
+            Some(_) => self.measured(stop),
             None => unmeasured(count),
         };
         let area = self.footprint.area;
@@ -232,14 +234,14 @@ impl Curve<'_, '_, '_> {
 
     /// Of one pixel, between two octaves as a straight line: beyond the last as at the last, nearer than the first as at
     /// the first.
-    fn measured(&self, layers: usize) -> CurvePoint {
+    fn measured(&self, stop: usize) -> CurvePoint {
         let Some(curves) = self.instance.avatar.curves() else { return CurvePoint::default() };
         let last = curves.octaves().saturating_sub(1);
         let further = (curves.density() / self.footprint.density).log2();
         let octave = further.at_least(0.0).at_most(last as f32);
         let (before, share) = (octave as usize, octave - (octave as usize) as f32);
         let point =
-            |octave: usize| curves.point(self.region, octave.min(last), layers).unwrap_or_default();
+            |octave: usize| curves.point(self.region, octave.min(last), stop).unwrap_or_default();
         let (a, b) = (point(before), point(before + 1));
         let mixed = |a: f32, b: f32| a + share * (b - a);
         CurvePoint { error: mixed(a.error, b.error), blends: mixed(a.blends, b.blends) }
@@ -248,11 +250,11 @@ impl Curve<'_, '_, '_> {
     /// Calls `visit` with the steps of the lower convex hull of error over Gaussians that save some, in order: Gaussians
     /// before and after, blends added and error saved.
     fn hull(&self, mut visit: impl FnMut(u32, u32, f32, f32)) {
-        let layers = usize::from(self.instance.avatar.header().layers);
+        let stops = stops(self.instance.avatar.header().layers.into());
         let (mut at, (mut count, mut point)) = (0, self.at(0));
         loop {
             let mut best: Option<(usize, u32, CurvePoint, f32)> = None;
-            for later in at + 1..=layers {
+            for later in at + 1..stops {
                 let (more, there) = self.at(later);
                 let saved = (point.error - there.error) / (more.saturating_sub(count)) as f32;
                 // The furthest of equals: fewer steps.

@@ -1,6 +1,6 @@
 //! Pinhole camera in OpenCV's axes: x right, y down, z forward.
 
-use crate::math::Scalar;
+use crate::math::{Affine, Scalar, compose};
 
 /// A pinhole camera. Pixel (0, 0) has its centre at (0.5, 0.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +22,12 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The same camera for an avatar that stands at `place` (its own axes → world, rigid): what it draws is where it is
+    /// drawn.
+    pub fn for_place(&self, place: &Affine) -> Self {
+        Self { world_to_camera: compose(&self.world_to_camera, place), ..*self }
+    }
+
     /// Centre of projection in world axes, metres: −Rᵀ t.
     pub fn position<R: Scalar>(&self) -> [R; 3] {
         let m = self.world_to_camera.map(|row| row.map(R::of));

@@ -1,11 +1,10 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
 use dermis_format::Avatar;
-use dermis_format::header::MAX_REGIONS;
 
 use crate::error::Error;
 use crate::extent::Extent;
-use crate::footprint::{AddFootprints, Sums};
+use crate::footprint::{AddFootprints, RegionSums};
 use crate::frame::Frame;
 use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
@@ -101,10 +100,11 @@ impl<'s, 'a> Posed<'s, 'a> {
         &self,
         view: &View<f32>,
         extent: Extent,
-        sums: &mut [Sums; MAX_REGIONS],
+        stride: usize,
+        sums: &mut RegionSums,
     ) {
         let Self { avatar, frames: blocks, kernel, .. } = *self;
-        kernel.run(AddFootprints { avatar, blocks, view, extent, sums });
+        kernel.run(AddFootprints { avatar, blocks, view, extent, stride, sums });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back

@@ -106,6 +106,8 @@ fn whole_path(path: &Path) -> f64 {
         budgets: Vec::new(),
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     let evaluation = evaluate(&avatar, &model, &options).unwrap_or_else(|error| named(&error));
     let mut novel = evaluation.rows.iter().filter(|row| row.split == Split::NovelView);

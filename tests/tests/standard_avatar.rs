@@ -28,6 +28,8 @@ fn the_draft_of_a_real_human_is_as_good_as_promised() {
         budgets: vec![20_000],
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     let evaluation = evaluate(&avatar, &model, &measure).expect("it can be measured");
     let rows = |split| evaluation.rows.iter().filter(move |row| row.split == split);

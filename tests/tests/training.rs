@@ -71,6 +71,8 @@ fn measured(model: &Model, trained: &Trained, budgets: &[u32]) -> Evaluation {
         budgets: budgets.to_vec(),
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     evaluate(&avatar, model, &options).expect("it can be measured")
 }

@@ -33,6 +33,8 @@ fn a_mesh_with_other_clips_is_refused() {
         budgets: Vec::new(),
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     let fails = |model: &_, part: &str| {
         let error = format!("{:#}", evaluate(&avatar, model, &measure).expect_err(part));

@@ -3,7 +3,7 @@
 use core::iter;
 use core::ops::Range;
 
-use crate::curves::{CurvePoint, MAX_OCTAVES};
+use crate::curves::{CurvePoint, MAX_OCTAVES, stops};
 use crate::order::{self, GROUP_LEN};
 use crate::quant::{Full, opacity_code, ycocg_of_rgb};
 use crate::record::{
@@ -58,7 +58,7 @@ fn importance(region: &Region) -> ImportanceRecord {
 fn curve_bytes(curves: &MeasuredCurves, source: &Source) -> Result<Vec<u8>, EncodeError> {
     let MeasuredCurves { density, octaves, points } = curves;
     let layers = source.regions.first().map_or(0, |region| region.layers.len());
-    let wanted = source.regions.len() * usize::from(*octaves) * (layers + 1);
+    let wanted = source.regions.len() * usize::from(*octaves) * stops(layers);
     let in_range = |number: &f32| (0.0..=1e6).contains(number);
     let numbers = points.iter().flat_map(|point| [point.error, point.blends]);
     let fits = points.len() == wanted

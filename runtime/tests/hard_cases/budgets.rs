@@ -1,13 +1,14 @@
 //! One budget for many avatars: never exceeded, spent where it helps, the same every time.
 
 use dermis_format::CurvePoint;
+use dermis_format::curves::stops;
 use dermis_format::source::{Gaussians, MeasuredCurves, Region, Source};
 use dermis_runtime::budget::{Budget, Gaze, Instance, Spent, plan, scratch_len};
 use dermis_runtime::footprint::Footprint;
 use dermis_runtime::{Avatar, Camera, Error, Kernel, Plan, Pose, Posed};
 use proptest::prelude::*;
 
-use crate::scenes::{DOT, UNIT, bytes, sheet};
+use crate::scenes::{DOT, UNIT, bytes, crowd, sheet};
 
 /// Regions with these layers and, if any, curves of two octaves from these numbers.
 fn measured(layers: &[Vec<u32>], numbers: &[[f32; 2]]) -> Source {
@@ -24,8 +25,8 @@ fn measured(layers: &[Vec<u32>], numbers: &[[f32; 2]]) -> Source {
     };
     source.regions = layers.iter().map(of).collect();
     source.mesh.triangle_regions = vec![0];
-    if let Some(levels) = layers.first().map(|layers| layers.len() + 1) {
-        let points = numbers.iter().cycle().take(2 * levels * layers.len());
+    if let Some(stops) = layers.first().map(|layers| stops(layers.len())) {
+        let points = numbers.iter().cycle().take(2 * stops * layers.len());
         let points = points.map(|&[error, blends]| CurvePoint { error, blends }).collect();
         source.curves =
             (!numbers.is_empty()).then_some(MeasuredCurves { density: 100.0, octaves: 2, points });
@@ -176,15 +177,20 @@ fn best_of_levels(instances: &[Instance<'_, '_>], gaussians: u32) -> f32 {
 fn options(instance: &Instance<'_, '_>, region: usize, footprint: &Footprint) -> Vec<(u32, f32)> {
     let avatar = instance.avatar;
     let octave = |density: f32| (density / footprint.density).log2().clamp(0.0, 1.0);
-    // An empty layer is no level.
-    let exists = |layers: &usize| *layers == 0 || avatar.layer_len(region, layers - 1) > 0;
-    (0..=usize::from(avatar.header().layers))
-        .filter(exists)
-        .map(|layers| {
-            let count = (0..layers).map(|layer| avatar.layer_len(region, layer)).sum::<u32>();
+    let layers: Vec<u32> =
+        (0..avatar.header().layers.into()).map(|layer| avatar.layer_len(region, layer)).collect();
+    let first = layers.iter().copied().find(|&len| len > 0).unwrap_or(0);
+    let mut counts = vec![0, first.div_ceil(16), first.div_ceil(4)];
+    counts.extend((1..=layers.len()).map(|end| layers[..end].iter().sum::<u32>()));
+    // Of stops of one count the runtime may take any.
+    let repeats = |stop: usize| stop > 0 && counts[..stop].contains(&counts[stop]);
+    (0..counts.len())
+        .filter(|&stop| !repeats(stop))
+        .map(|stop| {
+            let count = counts[stop];
             let error = match avatar.curves() {
                 Some(curves) => {
-                    let at = |octave| curves.point(region, octave, layers).unwrap().error;
+                    let at = |octave| curves.point(region, octave, stop).unwrap().error;
                     let share = octave(curves.density());
                     at(0) * (1.0 - share) + at(1) * share
                 }
@@ -198,8 +204,8 @@ fn options(instance: &Instance<'_, '_>, region: usize, footprint: &Footprint) ->
 
 #[test]
 fn a_near_avatar_gets_more_than_a_far_one_and_the_eye_decides_between_equals() {
-    let numbers =
-        [[0.2, 0.0], [0.02, 20.0], [0.005, 25.0], [0.2, 0.0], [0.01, 20.0], [0.004, 25.0]];
+    let of_octave = [[0.2, 0.0], [0.1, 20.0], [0.05, 20.0], [0.02, 20.0], [0.005, 25.0]];
+    let numbers = [of_octave, of_octave].concat();
     let file = bytes(&measured(&[vec![100, 300]], &numbers));
     let avatar = Avatar::parse(&file).unwrap();
     let at = |area: f32, x: f32| Instance {
@@ -233,6 +239,35 @@ fn too_little_memory_and_too_few_plans_are_said() {
     assert_eq!(refused, Err(Error::Scratch { needed, lent: needed - 1 }));
     let refused = plan(&instances, &budget, None, &mut vec![0; needed], &mut []);
     assert_eq!(refused, Err(Error::Plan));
+}
+
+/// The same bits by every kernel, also where sixteen triangles in a row are of two regions.
+#[test]
+fn footprints_do_not_depend_on_the_kernel() {
+    let mut source = crowd();
+    source.mesh.triangle_regions = (0..40).map(|i| u8::from(i > 20)).collect();
+    source.mesh.two_sided = (0..40).map(|i| i % 3 == 0).collect();
+    let file = bytes(&source);
+    let avatar = Avatar::parse(&file).unwrap();
+    let camera = Camera {
+        width: 90,
+        height: 70,
+        fx: 80.0,
+        fy: 90.0,
+        cx: 40.0,
+        cy: 33.0,
+        world_to_camera: [[0.8, 0.0, 0.6, 0.1], [0.0, -1.0, 0.0, 0.2], [0.6, 0.0, -0.8, 1.1]],
+    };
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    let mut of = |kernel| {
+        let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut scratch).unwrap();
+        posed.footprints(&camera)
+    };
+    let expected = of(Kernel::Scalar);
+    assert!(expected.iter().all(|footprint| footprint.area > 10.0), "{expected:?}");
+    for kernel in Kernel::available() {
+        assert_eq!(of(kernel), expected, "{}", kernel.name());
+    }
 }
 
 /// From in front, from the side, from behind, from afar, and turned away.

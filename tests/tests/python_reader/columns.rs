@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use dermis_format::curves::stops;
 use dermis_format::quant::opacity_value;
 use dermis_format::rig::{Clip, MorphTarget, Property};
 use dermis_format::{Avatar, Block, Discs, Fulls, Records, order};
@@ -75,11 +76,11 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
     };
     add("IMPO", bits(regions.flat_map(importance)).collect());
     if let Some(curves) = avatar.curves() {
-        let (octaves, levels) = (0..curves.octaves(), 0..=usize::from(header.layers));
+        let (octaves, counts) = (0..curves.octaves(), 0..stops(header.layers.into()));
         let regions = 0..usize::from(header.regions);
         let places = regions.flat_map(|region| octaves.clone().map(move |o| (region, o)));
         let points = places.flat_map(|(region, octave)| {
-            levels.clone().filter_map(move |layers| curves.point(region, octave, layers))
+            counts.clone().filter_map(move |stop| curves.point(region, octave, stop))
         });
         let numbers = points.flat_map(|point| [point.error, point.blends]);
         let mut words = vec![curves.density().to_bits(), curves.octaves() as u32];

@@ -70,6 +70,8 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         budgets: BUDGETS.to_vec(),
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     let evaluation = evaluate(&avatar, &model, &measure)?;
     let galleries = galleries(&avatar, &model, out)?;

@@ -22,6 +22,12 @@ pub(crate) struct Arguments {
     /// Shares of the file's bytes, its first ones, to measure in place of levels and budgets.
     #[arg(long, value_delimiter = ',', value_name = "PERCENT,…", value_parser = percent)]
     prefix: Vec<f32>,
+    /// Measure budgets as a plan spends them, too, which draws no more than can be seen.
+    #[arg(long, conflicts_with = "prefix")]
+    planned: bool,
+    /// How far away cameras are; else as in training.
+    #[arg(long, value_name = "METRES", value_parser = super::positive)]
+    distance: Option<f32>,
     /// Poses of each split.
     #[arg(long, default_value_t = 4, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     keyframes: u32,
@@ -50,6 +56,8 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         budgets: arguments.budgets.clone(),
         prefixes: arguments.prefix.clone(),
         packed: packed::is_packed(&bytes).then_some(bytes),
+        planned: arguments.planned,
+        distance: arguments.distance,
     };
     let evaluation =
         super::with_avatar(&arguments.file, |avatar| evaluate(avatar, &model, &options))?;
@@ -70,7 +78,7 @@ pub(crate) fn text(evaluation: &Evaluation) -> String {
 fn line(cells: &[String]) -> String {
     let mut line = String::new();
     for (column, cell) in cells.iter().enumerate() {
-        line += &if column == 0 { format!("{cell:12}") } else { format!(" {cell:>13}") };
+        line += &if column == 0 { format!("{cell:18}") } else { format!(" {cell:>13}") };
     }
     line + "\n"
 }

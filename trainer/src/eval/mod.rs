@@ -11,7 +11,8 @@ pub mod reference;
 use anyhow::{Context, Result, ensure};
 use dermis_format::packed;
 use dermis_format::section::{self, Sections};
-use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
+use dermis_runtime::budget::{self, Budget, Instance, scratch_len};
+use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed};
 use serde::Serialize;
 
 use crate::draw::{draw, rgb_of};
@@ -38,6 +39,10 @@ pub struct EvalOptions {
     pub prefixes: Vec<f32>,
     /// The file's packed form, of whose bytes shares are to be; none: of the file's own.
     pub packed: Option<Vec<u8>>,
+    /// Whether budgets are measured as a plan spends them, too.
+    pub planned: bool,
+    /// How far away cameras are, metres; none: as in training.
+    pub distance: Option<f32>,
 }
 
 /// Poses that were trained on or not.
@@ -69,10 +74,13 @@ pub struct Row {
     pub level: f32,
     /// Budget that was asked for; none for the file's own levels.
     pub budget: Option<u32>,
+    /// Whether a plan chose how much of the budget is spent, picture by picture.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub planned: bool,
     /// Share of the file's bytes that was read, in percent; none: all of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prefix: Option<f32>,
-    /// Gaussians drawn at most.
+    /// Gaussians drawn at most; of a plan the mean over pictures.
     pub gaussians: u32,
     /// Bytes of the file that such a picture needs.
     pub bytes: usize,
@@ -108,7 +116,7 @@ impl Row {
     /// For people to read.
     pub fn cells(&self) -> [String; 10] {
         [
-            self.split.name().to_owned(),
+            format!("{}{}", self.split.name(), if self.planned { ", plan" } else { "" }),
             format!("{:.2}", self.level),
             self.gaussians.to_string(),
             self.bytes.to_string(),
@@ -138,7 +146,7 @@ pub struct Evaluation {
 pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Result<Evaluation> {
     check_same(avatar, model)?;
     let (measured, too_short) = if options.prefixes.is_empty() {
-        (plans(avatar, &options.budgets), Vec::new())
+        (plans(avatar, options), Vec::new())
     } else {
         prefixes(avatar, options)?
     };
@@ -212,19 +220,23 @@ struct Measured<'a> {
     budget: Option<u32>,
     /// Percent of the file's bytes, and how many these are.
     prefix: Option<(f32, usize)>,
-    plan: Plan,
+    /// None: what a plan makes of the budget in each picture.
+    plan: Option<Plan>,
 }
 
-/// The file's levels and the budgets, by count, each count once.
-fn plans<'a>(avatar: &Avatar<'a>, budgets: &[u32]) -> Vec<Measured<'a>> {
+/// The file's levels and the budgets, by count, each count once; then the budgets as a plan spends them.
+fn plans<'a>(avatar: &Avatar<'a>, options: &EvalOptions) -> Vec<Measured<'a>> {
+    let budgets = options.budgets.iter();
     let levels =
         (0..avatar.header().layers).map(|level| (None, Plan::at_level(avatar, f32::from(level))));
-    let budgets = budgets.iter().map(|&budget| (Some(budget), Plan::with_budget(avatar, budget)));
+    let counts = budgets.clone().map(|&budget| (Some(budget), Plan::with_budget(avatar, budget)));
+    let mut plans: Vec<(Option<u32>, Plan)> = levels.chain(counts).collect();
+    plans.sort_by_key(|(_, plan)| plan.gaussians());
+    plans.dedup_by_key(|(_, plan)| plan.gaussians());
+    let fixed = plans.into_iter().map(|(budget, plan)| (budget, Some(plan)));
+    let planned = budgets.filter(|_| options.planned).map(|&budget| (Some(budget), None));
     let of = |(budget, plan)| Measured { avatar: *avatar, budget, prefix: None, plan };
-    let mut plans: Vec<_> = levels.chain(budgets).map(of).collect();
-    plans.sort_by_key(|measured| measured.plan.gaussians());
-    plans.dedup_by_key(|measured| measured.plan.gaussians());
-    plans
+    fixed.chain(planned).map(of).collect()
 }
 
 /// All Gaussians in shares of the file's bytes, and the shares in which mesh and rig do not end.
@@ -247,7 +259,7 @@ fn prefixes<'a>(
             too_short.push(percent);
             continue;
         };
-        let plan = Plan::with_budget(&avatar, u32::MAX);
+        let plan = Some(Plan::with_budget(&avatar, u32::MAX));
         measured.push(Measured { avatar, budget: None, prefix: Some((percent, share)), plan });
     }
     ensure!(
@@ -259,17 +271,36 @@ fn prefixes<'a>(
 }
 
 impl Measured<'_> {
+    /// What is drawn in a picture of a camera.
+    fn plan(&self, posed: &Posed<'_, '_>, camera: &Camera) -> Result<Plan> {
+        if let Some(plan) = &self.plan {
+            return Ok(plan.clone());
+        }
+        let budget = Budget::of_gaussians(self.budget.unwrap_or(u32::MAX));
+        let instance =
+            Instance { avatar: &self.avatar, footprints: posed.footprints(camera), weight: 1.0 };
+        let instances = [instance];
+        let (mut scratch, mut plans) = (vec![0; scratch_len(&instances)], [Plan::default()]);
+        budget::plan(&instances, &budget, None, &mut scratch, &mut plans)?;
+        let [plan] = plans;
+        Ok(plan)
+    }
+
     fn row(&self, split: Split, sum: &Sum) -> Row {
         let mean = |value: f64| value / f64::from(sum.pictures.max(1));
+        let gaussians = mean(sum.gaussians as f64).round() as u32;
+        let plan = Plan::with_budget(&self.avatar, gaussians);
+        let plan = self.plan.as_ref().unwrap_or(&plan);
         Row {
             split,
-            level: self.plan.level(&self.avatar),
+            level: plan.level(&self.avatar),
             budget: self.budget,
+            planned: self.plan.is_none(),
             prefix: self.prefix.map(|(percent, _)| percent),
-            gaussians: self.plan.gaussians(),
+            gaussians,
             bytes: match self.prefix {
                 Some((_, bytes)) => bytes,
-                None => bytes_of(&self.avatar, &self.plan),
+                None => bytes_of(&self.avatar, plan),
             },
             views: sum.pictures,
             psnr_db: mean(sum.psnr),
@@ -319,6 +350,7 @@ struct Sum {
     flip: f64,
     blends: u64,
     pixels: u64,
+    gaussians: u64,
 }
 
 impl Sum {
@@ -331,6 +363,7 @@ impl Sum {
         self.flip += other.flip;
         self.blends += other.blends;
         self.pixels += other.pixels;
+        self.gaussians += other.gaussians;
     }
 }
 
@@ -343,6 +376,7 @@ fn measure(
     options: &EvalOptions,
 ) -> Result<Vec<Sum>> {
     let rig = RigScale::of(painter.model());
+    let rig = options.distance.map_or(rig, |distance| rig.at(distance));
     let directions = directions(split, options);
     let mut sums = vec![Sum::default(); measured.len()];
     let bar = progress::bar("measuring", (frames.len() * directions.len()) as u64);
@@ -360,9 +394,11 @@ fn measure(
                 bar.inc(1);
                 let compare = |m: &Measured| -> Result<Sum> {
                     let camera = &cameras[index];
-                    let drawn = draw(&m.avatar, &pose, &m.plan, camera, options.background)?;
+                    let plan = m.plan(&runtime, camera)?;
+                    let drawn = draw(&m.avatar, &pose, &plan, camera, options.background)?;
                     Ok(Sum {
                         blends: drawn.statistics.counts.blends,
+                        gaussians: plan.gaussians().into(),
                         ..compare(&truth, &rgb_of(&drawn.rgba))
                     })
                 };
@@ -391,6 +427,7 @@ fn compare(truth: &Truth, drawn: &[u8]) -> Sum {
         ssim: ssim_u8(&exact, drawn, width, height),
         flip: flip(&exact, drawn, width, height, differing(&exact, drawn, width)),
         blends: 0,
+        gaussians: 0,
         pixels: mask.iter().filter(|covered| **covered).count() as u64,
     }
 }

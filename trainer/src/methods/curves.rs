@@ -2,6 +2,7 @@
 //! weighs when it shares a budget out.
 
 use anyhow::Result;
+use dermis_format::curves::{count_at, stops};
 use dermis_format::source::MeasuredCurves;
 use dermis_format::{CurvePoint, FrameKind};
 use dermis_runtime::footprint::{Covered, covered};
@@ -23,7 +24,7 @@ const OCTAVES: u32 = 5;
 const BLACK: [f32; 3] = [0.0; 3];
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Measures clouds that are as the file will hold them, on frames of a kind. Each of twelve views is drawn at every level
+/// Measures clouds that are as the file will hold them, on frames of a kind. Each of twelve views is drawn at every count
 /// and size over black and over white.
 pub(super) fn measure(
     clouds: &[Cloud],
@@ -33,7 +34,8 @@ pub(super) fn measure(
 ) -> Result<MeasuredCurves> {
     let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
     let layers = clouds.iter().map(|cloud| cloud.layers.len()).max().unwrap_or(0);
-    let mut octaves = vec![vec![vec![Sums::default(); layers + 1]; clouds.len()]; OCTAVES as usize];
+    let mut octaves =
+        vec![vec![vec![Sums::default(); stops(layers)]; clouds.len()]; OCTAVES as usize];
     let mut densities = Vec::new();
     for view in problem.views.iter().step_by(step) {
         let (footprints, density) = footprints(view, &problem.stages[view.stage], kind, regions);
@@ -52,7 +54,7 @@ pub(super) fn measure(
     })
 }
 
-/// Sums over pictures of one region, level and size.
+/// Sums over pictures of one region, count and size.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     footprint: f64,
@@ -95,7 +97,7 @@ fn footprints(
     (areas, (squares / all).sqrt().max(1e-9) as f32)
 }
 
-/// Adds a view, its sides halved `octave` times, to the sums of each region and level.
+/// Adds a view, its sides halved `octave` times, to the sums of each region and count.
 fn add_view(
     clouds: &[Cloud],
     problem: &Problem<'_>,
@@ -122,10 +124,12 @@ fn add_view(
         for (region, share) in sums.iter_mut().zip(&shares) {
             region[0].squares += nothing * share;
         }
-        for level in 1..sums.first().map_or(0, Vec::len) {
-            let prefixes: Vec<Prefix> = (clouds.iter())
-                .map(|cloud| Prefix::of(cloud.layers[..level].iter().sum(), cloud))
-                .collect();
+        for stop in 1..sums.first().map_or(0, Vec::len) {
+            let prefix = |cloud: &Cloud| {
+                let (layers, len) = (&cloud.layers, cloud.layers.len());
+                Prefix::of(count_at(stop, |layer| layers[layer], len), cloud)
+            };
+            let prefixes: Vec<Prefix> = clouds.iter().map(prefix).collect();
             let forward = draw(clouds, &prefixes, stage, &camera, problem.low_pass, background);
             let by_splats = by_drawn(&forward, &truth, &mut squares);
             let whole: f64 = squares.iter().map(|square| f64::from(square[0])).sum();
@@ -134,14 +138,14 @@ fn add_view(
                 &by_splats,
                 whole,
                 &shares,
-                sums.iter_mut().map(|r| &mut r[level]),
+                sums.iter_mut().map(|r| &mut r[stop]),
             );
         }
     }
     Ok(())
 }
 
-/// Adds a picture of a level, whose splats have these shares of its `whole` squares.
+/// Adds a picture, whose splats have these shares of its `whole` squares.
 fn add_picture<'s>(
     forward: &Forward,
     by_splats: &[f32],

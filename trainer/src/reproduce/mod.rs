@@ -58,6 +58,8 @@ fn rows(
         budgets: budgets.to_vec(),
         prefixes: Vec::new(),
         packed: None,
+        planned: false,
+        distance: None,
     };
     Ok(evaluate(&avatar, model, &options)?.rows)
 }

@@ -77,6 +77,11 @@ impl RigScale {
         Self { distance, vertical_fov: VERTICAL_FOV_DEGREES.to_radians() }
     }
 
+    /// The same, so many metres away.
+    pub fn at(self, distance: f32) -> Self {
+        Self { distance, ..self }
+    }
+
     /// A camera in each of `directions` from the centre of the box of `posed`, for pictures of
     /// `width × height` pixels.
     pub fn cameras(
