@@ -75,8 +75,8 @@ impl<'a> Curves<'a> {
         if octave >= self.octaves || stop >= self.stops {
             return None;
         }
-        let place = (region * self.octaves + octave) * self.stops + stop;
-        let point = self.points.get(place)?;
+        let row = region.checked_mul(self.octaves)?.checked_add(octave)?;
+        let point = self.points.get(row.checked_mul(self.stops)?.checked_add(stop)?)?;
         Some(CurvePoint { error: point.error.get(), blends: point.blends.get() })
     }
 }

@@ -2,9 +2,10 @@
 
 use dermis_format::rig::Property;
 use dermis_format::source::{
-    Channel, Clip, Gaussians, Importance, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
+    Channel, Clip, Gaussians, Importance, Joint, Mathematics, MeasuredCurves, Mesh, Morph, Region,
+    Rig, Source,
 };
-use dermis_format::{Disc, DiscWidths, FrameKind, Full};
+use dermis_format::{CurvePoint, Disc, DiscWidths, FrameKind, Full};
 
 /// A number in 0..1 that depends on `seed` alone (SplitMix64).
 pub(crate) fn random(seed: u64) -> f32 {
@@ -130,6 +131,7 @@ pub(crate) fn add_levels(source: &mut Source) {
 /// Blocks and groups enough that levels have several.
 pub(crate) fn many_levels() -> Source {
     let mut source = regions();
+    source.curves = None;
     source.regions[0] = discs_on("Gesicht", &[300, 5000, 700], 3);
     source.regions[1] = discs_on("leer", &[0, 0, 0], 3);
     source.regions[2] = discs_on("手", &[2, 0, 4200], 3);
@@ -147,6 +149,10 @@ pub(crate) fn regions() -> Source {
     ];
     source.regions[2].importance =
         Some(Importance { weight: 4.0, mobility: 0.25, visible: 0.5, residual: 1.0 });
+    // Of three regions and two octaves five stops each.
+    let point = |i: u64| CurvePoint { error: 0.3 * random(i), blends: 40.0 * random(i + 99) };
+    let points = (0..3 * 2 * 5).map(point).collect();
+    source.curves = Some(MeasuredCurves { density: 270.5, octaves: 2, points });
     source
 }
 

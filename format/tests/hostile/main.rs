@@ -326,7 +326,7 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
     let header = header_bytes(&header());
-    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO"];
+    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV"];
     for left_out in 0..all.len() {
         let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
         let (tag, _) = sections.remove(left_out);
@@ -338,6 +338,44 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let last = sections.iter().rposition(|section| section.0 == *b"BLCK").unwrap();
     sections.swap(last - 1, last);
     assert!(Avatar::parse(&file(&header, &sections)).is_err());
+}
+
+#[test]
+fn curves_out_of_their_limits_are_refused() {
+    let bytes = encode(&avatars::regions()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let all: Vec<Section> = avatar.sections().collect();
+    let usual = all.iter().find(|s| s.tag == *b"CURV").expect("it is there").payload.to_vec();
+    let with = |payload: &[u8]| {
+        let part =
+            |s: &Section| if s.tag == *b"CURV" { payload.to_vec() } else { s.payload.to_vec() };
+        let sections: Vec<_> = all.iter().map(|s| (s.tag, part(s))).collect();
+        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
+        file(&header_bytes(avatar.header()), &sections)
+    };
+    assert!(parse_and_walk(&with(&usual)));
+    for len in (0..usual.len()).chain([usual.len() + 4]) {
+        let mut payload = usual.clone();
+        payload.resize(len, 0);
+        assert!(!parse_and_walk(&with(&payload)), "{len} bytes");
+    }
+    let replaced = |at: usize, bytes: &[u8]| {
+        let mut payload = usual.clone();
+        payload[at..at + bytes.len()].copy_from_slice(bytes);
+        with(&payload)
+    };
+    for density in [0.0, -1.0, 2e12, f32::NAN, f32::INFINITY] {
+        assert!(!parse_and_walk(&replaced(0, &density.to_le_bytes())), "{density}");
+    }
+    for octaves in [0, 1, 3, 9, 255] {
+        assert!(!parse_and_walk(&replaced(4, &[octaves])), "{octaves} octaves");
+    }
+    for number in [-0.001, 1.1e6, f32::NAN, f32::INFINITY] {
+        let half = &number.to_le_bytes()[2..];
+        for at in [5, 7, usual.len() - 2] {
+            assert!(!parse_and_walk(&replaced(at, half)), "{number} at {at}");
+        }
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use dermis_format::quant::{Linear, last_code, quaternion_code, quaternion_value, rooted};
 use dermis_format::record::{F32, ImportanceRecord, Range, ShortRange};
 use dermis_format::rig::Property;
-use dermis_format::source::{Channel, Clip, Gaussians, Importance, Source};
+use dermis_format::source::{Channel, Clip, Gaussians, Importance, MeasuredCurves, Source};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Disc, Full, Records, order};
 use proptest::prelude::*;
@@ -351,6 +351,33 @@ fn importances_return_and_are_written_where_there_are_any() {
     assert_eq!((avatar.importances().len(), avatar.region_weight(2)), (0, 1.0));
     source.regions[0].importance = Some(Importance { weight: f32::NAN, ..Importance::default() });
     assert!(encode(&source).unwrap_err().to_string().contains("IMPO"));
+}
+
+#[test]
+fn curves_return_rounded_down_and_are_written_where_there_are_any() {
+    let mut source = avatars::regions();
+    let bytes = encode(&source).unwrap();
+    let curves = Avatar::parse(&bytes).unwrap().curves().expect("they were written");
+    assert_eq!((curves.density(), curves.octaves()), (270.5, 2));
+    let written = source.curves.take().expect("there are some");
+    let places = (0..3).flat_map(|r| (0..2).flat_map(move |o| (0..5).map(move |s| (r, o, s))));
+    for ((region, octave, stop), point) in places.zip(&written.points) {
+        let found = curves.point(region, octave, stop).expect("it is there");
+        for (found, written) in [(found.error, point.error), (found.blends, point.blends)] {
+            assert!(
+                found <= written && found >= written * (1.0 - 1.0 / 128.0),
+                "{found} {written}"
+            );
+        }
+    }
+    let without = encode(&source).unwrap();
+    assert_eq!(without.len(), bytes.len() - 12 - 5 - 3 * 2 * 5 * 4);
+    assert!(Avatar::parse(&without).unwrap().curves().is_none());
+    for short in [0, 1, 29] {
+        let points = written.points[..short].to_vec();
+        source.curves = Some(MeasuredCurves { points, ..written.clone() });
+        assert!(encode(&source).unwrap_err().to_string().contains("curves"), "{short}");
+    }
 }
 
 /// Blocks of all regions stand by the share of their region that is before them, so any number of

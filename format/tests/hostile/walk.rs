@@ -1,5 +1,6 @@
 //! A walk over all that a reader offers. The fuzzer (`tests/fuzz`) takes this file, too.
 
+use dermis_format::curves::{MAX_OCTAVES, stops};
 use dermis_format::{Avatar, Block, Discs, FrameKind, Levels, Records};
 
 /// Reads everything there is, within and beyond its ends, and asserts that it is finite and in range.
@@ -31,6 +32,20 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
     assert!([0, regions].contains(&avatar.importances().len()));
     for region in (0..regions).chain([regions, usize::MAX]) {
         assert!((0.0..=1000.0).contains(&avatar.region_weight(region)));
+    }
+    if let Some(curves) = avatar.curves() {
+        let stops = stops(header.layers.into());
+        assert!(curves.density() > 0.0 && (1..=MAX_OCTAVES).contains(&curves.octaves()));
+        for region in (0..regions).chain([regions, usize::MAX]) {
+            for (octave, stop) in [(0, 0), (curves.octaves() - 1, stops - 1)] {
+                let point = curves.point(region, octave, stop);
+                assert_eq!(point.is_some(), region < regions);
+                assert!(point.is_none_or(|p| (0.0..=1e6).contains(&p.error)));
+            }
+        }
+        for (octave, stop) in [(curves.octaves(), 0), (0, stops), (usize::MAX, usize::MAX)] {
+            assert_eq!(curves.point(0, octave, stop), None);
+        }
     }
     walk_rig(avatar);
     let mut gaussians = 0;
