@@ -113,7 +113,7 @@ fn most_steps(instances: &[Instance<'_, '_>]) -> usize {
 /// Plans for all instances, each in its place in `plans`, that spend `budget` where it saves the most error on the screen.
 /// `gaze` weighs the error of each region by where it is.
 ///
-/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · layers: 60 ns for each.
+/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (layers + 2): 1,300 instructions for each of n = 96.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ use crate::frustum::Frustum;
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
 use crate::math::{Real, dot, sub};
-use crate::plan::Plan;
+use crate::plan::{Plan, collected};
 use crate::posed::Posed;
 use crate::project::{NEAR, View};
 
@@ -50,15 +50,15 @@ impl Posed<'_, '_> {
         let regions = usize::from(self.avatar().header().regions);
         if self.avatar().header().triangles == 0 {
             let all = of_box(self.avatar(), &view);
-            return (0..regions).map(|_| all).collect();
+            return collected((0..regions).map(|_| all));
         }
         let blocks = FrameBlock::count(self.avatar().header().triangles);
-        let stride = (blocks / (SAMPLES * regions)).max(1);
-        let share = blocks.div_ceil(stride) as f32 / blocks as f32;
+        let stride = (blocks / (SAMPLES * regions.max(1))).max(1);
+        let share = blocks.div_ceil(stride.max(1)) as f32 / blocks as f32;
         let sampled = |stride: usize, share: f32, extent: Extent| -> Footprints {
             let mut sums = RegionSums::new(regions);
             self.add_footprints(&view, extent, stride, &mut sums);
-            (0..regions).map(|region| sums.footprint(region, share, &view)).collect()
+            collected((0..regions).map(|region| sums.footprint(region, share, &view)))
         };
         let footprints = sampled(stride, share, Extent::default());
         if footprints.iter().any(|footprint| footprint.area == 0.0) {
@@ -215,7 +215,8 @@ impl Work for AddFootprints<'_, '_> {
         let square_focal = V::splat(token, (fx * fy).abs());
         let [width, height] = view.size();
         let (zero, whole) = (V::splat(token, 0.0), V::splat(token, width * height));
-        for (block, index) in blocks.iter().zip(0..).step_by(stride) {
+        let mut index = 0;
+        while let Some(block) = blocks.get(index) {
             let two_sided = u32::from(avatar.two_sided_of_sixteen(index));
             // Each lane of the sixteen has sums of its own, so that they do not depend on how many are added at once.
             let mut numbers = [[0.0; MAX_LANES]; 5];
@@ -238,6 +239,7 @@ impl Work for AddFootprints<'_, '_> {
                 at += V::LEN;
             }
             sums.add(avatar, MAX_LANES * index, &numbers);
+            index += stride.max(1);
         }
     }
 }

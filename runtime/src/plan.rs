@@ -169,7 +169,7 @@ impl RegionPlan {
 }
 
 /// As many as there can be regions. (heapless' own `collect` panics on more.)
-fn collected<T>(items: impl Iterator<Item = T>) -> heapless::Vec<T, MAX_REGIONS> {
+pub(crate) fn collected<T>(items: impl Iterator<Item = T>) -> heapless::Vec<T, MAX_REGIONS> {
     let mut vec = heapless::Vec::new();
     for item in items.take(MAX_REGIONS) {
         let _ = vec.push(item);

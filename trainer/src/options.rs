@@ -10,7 +10,7 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Preset {
-    /// 1,800 steps of 540×540, 4 key frames: a minute for a person on two cores.
+    /// 1,700 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
     /// 14,500 steps of 540×540, 20 key frames: five minutes.
     Default,
@@ -77,7 +77,7 @@ impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size) = match preset {
-            Preset::Draft => (1_800, 150, 4, 540),
+            Preset::Draft => (1_700, 150, 4, 540),
             Preset::Default => (14_500, 300, 20, 540),
             Preset::Best => (10_000, 300, 20, 1080),
         };

@@ -18,13 +18,13 @@ use crate::picture::Picture;
 use crate::truth::{Scratch, TrainingView, scaled};
 
 /// Training pictures that are looked at, at most.
-const MOST_VIEWS: usize = 12;
+const MOST_VIEWS: usize = 6;
 /// Sizes at which they are, each half of the one before.
 const OCTAVES: u32 = 5;
 const BLACK: [f32; 3] = [0.0; 3];
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Measures clouds that are as the file will hold them, on frames of a kind. Each of twelve views is drawn at every count
+/// Measures clouds that are as the file will hold them, on frames of a kind. Each of six views is drawn at every count
 /// and size over black and over white.
 pub(super) fn measure(
     clouds: &[Cloud],
