@@ -53,7 +53,7 @@ impl Posed<'_, '_> {
             return collected((0..regions).map(|_| all));
         }
         let blocks = FrameBlock::count(self.avatar().header().triangles);
-        let stride = (blocks / (SAMPLES * regions.max(1))).max(1);
+        let stride = (blocks / SAMPLES / regions.max(1)).max(1);
         let share = blocks.div_ceil(stride.max(1)) as f32 / blocks as f32;
         let sampled = |stride: usize, share: f32, extent: Extent| -> Footprints {
             let mut sums = RegionSums::new(regions);
