@@ -1,11 +1,11 @@
 //! One budget for all avatars of a frame, spent where it is seen.
 //!
-//! A region's error on the screen is what its curve (section `CURV` of the file, measured in training) says of the error
-//! in a pixel at a level and a distance, times the pixels of its [`Footprint`], times its weights. Over its Gaussians that is
-//! a curve of its own, of which only the lower convex hull is worth drawing; the steps of all hulls, those first that
-//! save the most error for each Gaussian, are taken until the budget is spent (Fox 1966; hulls as Shoham and Gersho 1988). The
-//! last step is taken in part. So no Gaussian could be spent better by the curves, a greater budget is never worse, and steps
-//! that save nothing, because a layer is finer than the pixels, are not taken at all.
+//! A region's error on the screen is what its curve says of the error in a pixel at a count and a distance (section `CURV`
+//! of the file, measured in training), times the pixels of its [`Footprint`], times its weights. Of error over Gaussians
+//! only the lower convex hull is worth drawing. The steps of all hulls, those first that save the most error for each
+//! Gaussian, are taken until the budget is spent (Fox 1966; hulls as Shoham and Gersho 1988), the last one in part. So no
+//! Gaussian could be spent better by the curves, a greater budget is never worse, and steps that save nothing, because a
+//! layer is finer than the pixels, are not taken at all.
 
 use bytemuck::{Pod, Zeroable};
 use dermis_format::curves::{count_at, stops};
@@ -113,7 +113,8 @@ fn most_steps(instances: &[Instance<'_, '_>]) -> usize {
 /// Plans for all instances, each in its place in `plans`, that spend `budget` where it saves the most error on the screen.
 /// `gaze` weighs the error of each region by where it is.
 ///
-/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (layers + 2): 1,300 instructions for each of n = 96.
+/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (layers + 2), 1,300 instructions for each
+/// of 96.
 ///
 /// # Errors
 ///

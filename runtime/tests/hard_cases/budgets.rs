@@ -1,10 +1,11 @@
 //! One budget for many avatars: never exceeded, spent where it helps, the same every time.
 
-use dermis_format::CurvePoint;
 use dermis_format::curves::stops;
 use dermis_format::source::{Gaussians, MeasuredCurves, Region, Source};
+use dermis_format::{CurvePoint, FrameKind};
 use dermis_runtime::budget::{Budget, Gaze, Instance, Spent, plan, scratch_len};
-use dermis_runtime::footprint::Footprint;
+use dermis_runtime::footprint::{Footprint, covered};
+use dermis_runtime::project::View;
 use dermis_runtime::{Avatar, Camera, Error, Kernel, Plan, Pose, Posed};
 use proptest::prelude::*;
 
@@ -267,6 +268,46 @@ fn footprints_do_not_depend_on_the_kernel() {
     assert!(expected.iter().all(|footprint| footprint.area > 10.0), "{expected:?}");
     for kernel in Kernel::available() {
         assert_eq!(of(kernel), expected, "{}", kernel.name());
+    }
+}
+
+/// A mesh of which one triangle in seven is looked at, its parts of all sizes, near and far, and turned away.
+#[test]
+fn footprints_of_large_meshes_are_within_a_tenth() {
+    const SIDE: u32 = 60;
+    let mut source = sheet(&[DOT]);
+    let vertex = |i: u32| {
+        let [u, v] = [i % (SIDE + 1), i / (SIDE + 1)].map(|n| n as f32 / SIDE as f32);
+        let wave = 0.3 * (9.0 * u).sin() * (7.0 * v).cos();
+        [1.6 * u * u - 0.8, 1.2 * v - 0.6, wave]
+    };
+    source.mesh.positions = (0..(SIDE + 1) * (SIDE + 1)).map(vertex).collect();
+    let quads = (0..SIDE * SIDE).map(|i| i / SIDE * (SIDE + 1) + i % SIDE);
+    let halves = |a| [[a, a + 1, a + SIDE + 2], [a, a + SIDE + 2, a + SIDE + 1]];
+    source.mesh.triangles = quads.flat_map(halves).collect();
+    source.mesh.two_sided = vec![false; source.mesh.triangles.len()];
+    source.mesh.triangle_regions = vec![0; source.mesh.triangles.len()];
+    let file = bytes(&source);
+    let avatar = Avatar::parse(&file).unwrap();
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut scratch).unwrap();
+    for (turn, distance) in [(0.0f32, 1.5), (0.5, 2.0), (-0.8, 3.0), (1.2, 9.0)] {
+        let (s, c) = turn.sin_cos();
+        let camera = Camera {
+            width: 800,
+            height: 600,
+            fx: 300.0,
+            fy: 300.0,
+            cx: 400.0,
+            cy: 300.0,
+            world_to_camera: [[c, 0.0, s, 0.0], [0.0, -1.0, 0.0, 0.0], [s, 0.0, -c, distance]],
+        };
+        let view = View::<f32>::new(&camera);
+        let areas = (0..avatar.header().triangles).filter_map(|triangle| posed.frame(triangle));
+        let areas = areas.map(|frame| covered(&frame, FrameKind::Area, &view).area);
+        let exact: f32 = areas.filter(|area| *area > 0.0).sum();
+        let found = posed.footprints(&camera)[0].area;
+        assert!((found / exact - 1.0).abs() < 0.1, "{found} of {exact}, turned by {turn}");
     }
 }
 
