@@ -84,6 +84,21 @@ impl Plan {
         Self { regions: collected(regions) }
     }
 
+    /// This plan, but no region has more than `factor` times as many Gaussians as in the frame `before`, or as 64 where it had
+    /// fewer: detail comes over some frames, so that nothing pops when a budget or a scene changes at once. What falls falls
+    /// at once: it never has more than this plan, and so keeps its budget. A factor under 1 is 1.
+    pub fn rising_from(&self, avatar: &Avatar<'_>, before: &Self, factor: f32) -> Self {
+        const LEAST: u32 = 64;
+        let of_before = |region: usize| before.regions.get(region).map_or(0, |plan| plan.count);
+        let counts = self.regions.iter().enumerate().map(|(region, plan)| {
+            let base = of_before(region).max(LEAST);
+            // In f64: f32 cannot hold counts of more than 2²⁴. Saturates; NaN becomes 0.
+            let most = (f64::from(base) * f64::from(factor)) as u32;
+            plan.count.min(most.max(base))
+        });
+        Self::of_counts(avatar, counts)
+    }
+
     /// Gaussians of all regions. Those whose opacity at the plan's level is under 0.005 are counted
     /// though they are not drawn: a prefix is known by its length alone.
     pub fn gaussians(&self) -> u32 {

@@ -142,6 +142,31 @@ proptest! {
         })?;
     }
 
+    #[test]
+    fn counts_rise_slowly_and_fall_at_once(
+        file in any_avatar(),
+        budgets in prop::collection::vec(0u32..800, 1..6),
+        factor in prop_oneof![1.05f32..3.0, Just(f32::NAN), -1.0f32..1.0],
+    ) {
+        let avatar = Avatar::parse(&file).unwrap();
+        let mut before = Plan::default();
+        for budget in budgets {
+            let wanted = Plan::with_budget(&avatar, budget);
+            for frame in 0..200 {
+                let now = wanted.rising_from(&avatar, &before, factor);
+                let counts = now.regions().iter().zip(wanted.regions()).enumerate();
+                for (region, (now, wanted)) in counts {
+                    let base = before.regions().get(region).map_or(0, |plan| plan.count).max(64);
+                    let most = (f64::from(base) * f64::from(factor)).max(base.into()) as u32;
+                    prop_assert_eq!(now.count, wanted.count.min(most), "frame {}", frame);
+                }
+                before = now;
+            }
+            // 64 · 1.05²⁰⁰ is more than there are.
+            prop_assert!(!(factor >= 1.05) || before == wanted);
+        }
+    }
+
     /// No other sharing out of a few Gaussians, by levels, is better.
     #[test]
     fn no_plan_of_whole_levels_is_better(
