@@ -24,7 +24,8 @@ use crate::sort;
 pub struct Budget {
     /// Gaussians of all plans together.
     pub gaussians: u32,
-    /// Gaussians blended into pixels, as the curves predict it. Infinite: as many as there are.
+    /// Gaussians blended into pixels, as the curves predict it: of a human from 8 to 1.9 m 9 to 14 % too few, nearer, where
+    /// a part is out of the frame, up to 42 % too many. Infinite: as many as there are.
     pub blends: f32,
 }
 
