@@ -252,8 +252,9 @@ mod tests {
             ends(numbers, last_code(5))
         };
         let [low, high] = with(0.01);
-        assert!((0.0..0.1).contains(&low) && high == 1.0, "{low} {high}");
-        assert_eq!(with(1e4), [0.0, 9.0]);
+        // A few at the ends of the others may go, too.
+        assert!((0.0..0.1).contains(&low) && (0.9..=1.0).contains(&high), "{low} {high}");
+        assert_eq!(with(1e4)[1], 9.0);
     }
 
     #[test]
