@@ -1,7 +1,7 @@
 //! What writing an avatar to a file costs, and how training makes up for it.
 
 use dermis_format::walk::Levels;
-use dermis_format::{Disc, DiscWidths, FrameKind, LowPass, Records};
+use dermis_format::{Disc, FrameKind, LowPass, Records};
 use dermis_runtime::frame::Frame;
 use dermis_runtime::{Avatar, Camera};
 use dermis_tests::compare::cost_of_packing;
@@ -10,7 +10,6 @@ use dermis_trainer::optimize::cloud::{Cloud, Freedom, Parameters, Prefix, Seed};
 use dermis_trainer::optimize::descend::{Descent, Problem};
 use dermis_trainer::optimize::forward::{Stage, draw};
 use dermis_trainer::optimize::loss::Loss;
-use dermis_trainer::optimize::rounding::as_stored;
 use dermis_trainer::optimize::schedule::{Prefixes, Random, Schedule};
 use dermis_trainer::options::Options;
 use dermis_trainer::scene::Truth;
@@ -59,13 +58,7 @@ fn bits_are_as_few_as_the_wanted_loss_allows() {
 fn the_last_steps_draw_what_is_read() {
     let (_, trained) = trained_demo(&options(2000, 20));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
-    let widths = |layer: u8| {
-        let block = avatar.blocks().find(|block| block.layer == layer).expect("no layer is empty");
-        let Records::Disc(discs) = block.records else { panic!("training makes discs") };
-        discs.layout().widths()
-    };
-    let widths: Vec<DiscWidths> = (0..avatar.header().layers).map(widths).collect();
-    let drawn = as_stored(&trained.clouds[0], &widths).expect("it can be written");
+    let drawn = &trained.precision.stored(&trained.clouds).expect("it can be written")[0];
     for (level, drawn) in (0..).zip(&drawn.levels) {
         let blocks = avatar.blocks_at(|_| Levels { upper: level, lower: None });
         let read: Vec<Disc> = (blocks.take_while(|block| block.layer <= level))

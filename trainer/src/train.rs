@@ -9,6 +9,7 @@ use crate::embed::sides::two_sided;
 use crate::methods::{Culling, Method, Parts, Workshop};
 use crate::model::Model;
 use crate::optimize::cloud::Cloud;
+use crate::optimize::precision::Precision;
 use crate::options::Options;
 use crate::package;
 use crate::scene::{self, KeyFrame, Painter};
@@ -21,6 +22,8 @@ pub struct Trained {
     pub bytes: Vec<u8>,
     /// What was packed into it, before quantization: the Gaussians of each region.
     pub clouds: Vec<Cloud>,
+    /// How exactly.
+    pub precision: Precision,
     /// Steps taken.
     pub steps: u32,
     /// What culling costs it.
@@ -72,12 +75,11 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     if let Some(journal) = journal {
         workshop.keep(journal);
     }
-    let mut clouds = options.method.train(&mut workshop)?;
+    let clouds = options.method.train(&mut workshop)?;
     let precision = workshop.precision(&clouds)?;
-    precision.keep_limits(&mut clouds);
-    let mut source = package::with_gaussians(source, &clouds);
+    let mut source = package::with_gaussians(source, &precision.within_limits(&clouds));
     source.curves = Some(workshop.curves(&clouds, &precision)?);
-    source.widths = precision.widths;
+    source.widths.clone_from(&precision.widths);
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);
         for (region, importance) in source.regions.iter_mut().zip(importances) {
@@ -85,7 +87,7 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         }
     }
     let (steps, culling) = (workshop.steps(), workshop.culling(&clouds)?);
-    Ok(Trained { bytes: package::encode(&source)?, clouds, steps, culling })
+    Ok(Trained { bytes: package::encode(&source)?, clouds, precision, steps, culling })
 }
 
 /// The poses to train on.

@@ -22,7 +22,6 @@ use crate::optimize::loss::Compared;
 use crate::optimize::mover::Motion;
 use crate::optimize::precision::Precision;
 use crate::optimize::residual;
-use crate::optimize::rounding::as_stored;
 use crate::optimize::schedule::{Prefixes, Random, Schedule};
 use crate::options::Options;
 use crate::package;
@@ -129,10 +128,9 @@ impl<'a> Workshop<'a> {
         }
     }
 
-    /// How near the picture of each level is to the mesh, for clouds that the file holds with such precision.
+    /// How near the picture of each level is to the mesh, for clouds of which the file holds so much.
     pub fn curves(&self, clouds: &[Cloud], precision: &Precision) -> Result<MeasuredCurves> {
-        let stored = clouds.iter().map(|cloud| as_stored(cloud, &precision.widths));
-        let stored: Vec<Cloud> = stored.collect::<Result<_>>()?;
+        let stored = precision.stored(clouds)?;
         let kind = self.options.method.mathematics().frame;
         curves::measure(&stored, &self.problem(), kind, &self.parts.regions)
     }

@@ -17,7 +17,6 @@ use super::loss::{Compared, Loss};
 use super::mover::{Motion, Mover};
 use super::precision::Precision;
 use super::price;
-use super::rounding::as_stored;
 use super::schedule::{Random, Schedule};
 use crate::metrics::Rect;
 use crate::metrics::ssim::SsimWorkspace;
@@ -237,9 +236,7 @@ impl<'a> Descent<'a> {
                 self.precision.insert(Precision::choose(clouds, &moments, problem, max_loss_db)?)
             }
         };
-        let mut clouds = self.clouds.clone();
-        precision.keep_limits(&mut clouds);
-        clouds.iter().map(|cloud| as_stored(cloud, &precision.widths)).collect()
+        precision.stored(&self.clouds)
     }
 
     /// What the next step draws.

@@ -18,7 +18,7 @@ use super::cloud::{Cloud, Parameters, Prefix};
 use super::descend::Problem;
 use super::forward::{Stage, draw};
 use super::limits::Limits;
-use super::rounding::level_as_stored;
+use super::rounding::{as_stored, level_as_stored};
 use crate::picture::Picture;
 use crate::truth::{Scratch, TrainingView};
 
@@ -65,15 +65,25 @@ impl Precision {
         Ok(Self { widths, limits })
     }
 
-    /// Moves numbers beyond the ends of their ranges to them. Clouds of other shapes stay as they are.
-    pub fn keep_limits(&self, clouds: &mut [Cloud]) {
-        for (cloud, limits) in clouds.iter_mut().zip(&self.limits) {
-            let mut levels = core::mem::take(&mut cloud.levels);
-            for (level, limits) in levels.iter_mut().zip(limits) {
+    /// What a file takes of clouds: numbers beyond the ends of their ranges stand at the ends.
+    pub fn within_limits(&self, clouds: &[Cloud]) -> Vec<Cloud> {
+        let of_cloud = |(cloud, limits): (&Cloud, &Vec<Limits>)| {
+            let mut within = cloud.clone();
+            for (level, limits) in within.levels.iter_mut().zip(limits) {
                 limits.keep(cloud, level);
             }
-            cloud.levels = levels;
-        }
+            within
+        };
+        clouds.iter().zip(&self.limits).map(of_cloud).collect()
+    }
+
+    /// What a reader gets of clouds ([`as_stored`]).
+    ///
+    /// # Errors
+    ///
+    /// Where a number is not finite.
+    pub fn stored(&self, clouds: &[Cloud]) -> Result<Vec<Cloud>> {
+        self.within_limits(clouds).iter().map(|cloud| as_stored(cloud, &self.widths)).collect()
     }
 }
 
