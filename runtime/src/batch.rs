@@ -6,10 +6,10 @@
 use dermis_format::{Disc, Full};
 
 use crate::frame::Frame;
-use crate::gaussian::{disc_on, full_on};
+use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics::not_below_zero;
 use crate::lanes::{Lanes, Row, load_rows};
-use crate::math::Real;
+use crate::math::{Real, each};
 use crate::project::{Projected, project};
 use crate::screen::SplatCamera;
 
@@ -26,9 +26,14 @@ pub trait Batch {
         self.len() == 0
     }
 
-    /// Projects Gaussians `at..at + V::LEN`; beyond the last one it gives anything.
-    fn project<V: Lanes>(&self, token: V::Token, at: usize, camera: &SplatCamera<V>)
-    -> OnScreen<V>;
+    /// Projects Gaussians `at..at + V::LEN` for each camera, putting them in the world once; beyond the last one it gives
+    /// anything.
+    fn project<V: Lanes, const EYES: usize>(
+        &self,
+        token: V::Token,
+        at: usize,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES];
 }
 
 /// Gaussians on the screen.
@@ -42,6 +47,24 @@ pub struct OnScreen<R: Real> {
     pub opacity: R,
     /// Display-referred sRGB seen from the eye, not below 0.
     pub color: [R; 3],
+}
+
+/// Gaussians in the world on the screen of each camera.
+#[inline(always)]
+pub(crate) fn seen<R: Real, const N: usize, const EYES: usize>(
+    ellipsoid: &Ellipsoid<R, N>,
+    opacity: R,
+    color: [R; 3],
+    cameras: &[SplatCamera<R>; EYES],
+) -> [OnScreen<R>; EYES] {
+    each(
+        cameras.each_ref(),
+        #[inline(always)]
+        |camera: &SplatCamera<R>| {
+            let (projected, drawable) = project(&camera.view, camera.low_pass, ellipsoid);
+            OnScreen { projected, drawable, opacity, color }
+        },
+    )
 }
 
 /// The frame of each Gaussian of a batch: first, second and third rows of [`Frame::rows`].
@@ -125,18 +148,17 @@ impl Batch for Discs {
     }
 
     #[inline(always)]
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         &self,
         token: V::Token,
         at: usize,
-        camera: &SplatCamera<V>,
-    ) -> OnScreen<V> {
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
         let [x, y, z, angle] = load_rows::<V>(token, &self.places, at);
         let [s, t, opacity, _] = load_rows::<V>(token, &self.shapes, at);
         let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
         let disc = disc_on(&self.frames.load(token, at), [x, y, z], angle, [s, t]);
-        let (projected, drawable) = project(&camera.view, camera.low_pass, &disc);
-        OnScreen { projected, drawable, opacity, color: not_below_zero([r, g, b]) }
+        seen(&disc, opacity, not_below_zero([r, g, b]), cameras)
     }
 }
 
@@ -196,18 +218,17 @@ impl Batch for Fulls {
     }
 
     #[inline(always)]
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         &self,
         token: V::Token,
         at: usize,
-        camera: &SplatCamera<V>,
-    ) -> OnScreen<V> {
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
         let [x, y, z, opacity] = load_rows::<V>(token, &self.places, at);
         let rotation = load_rows::<V>(token, &self.rotations, at);
         let [s, t, u, _] = load_rows::<V>(token, &self.scales, at);
         let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
         let full = full_on(&self.frames.load(token, at), [x, y, z], rotation, [s, t, u]);
-        let (projected, drawable) = project(&camera.view, camera.low_pass, &full);
-        OnScreen { projected, drawable, opacity, color: not_below_zero([r, g, b]) }
+        seen(&full, opacity, not_below_zero([r, g, b]), cameras)
     }
 }

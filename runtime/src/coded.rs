@@ -5,14 +5,13 @@ use dermis_format::quant::{COMPONENT_MIDDLE, HALF_ROOT};
 use dermis_format::record::{DiscGroup, FullGroup};
 use dermis_format::{Block, Disc, Discs, Full, Fulls};
 
-use crate::batch::{BATCH, Batch, FrameRows, OnScreen};
+use crate::batch::{BATCH, Batch, FrameRows, OnScreen, seen};
 use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::harmonics;
 use crate::lanes::{Lanes, MAX_LANES, Row, lanes_at, load};
 use crate::math::each;
 use crate::mix::mixed;
-use crate::project::project;
 use crate::screen::SplatCamera;
 use crate::select::{Harmonics, Place};
 
@@ -43,14 +42,14 @@ pub trait Coding<'a>: Copy {
         share: V,
     ) -> Self::Decoded<V>;
 
-    /// Projects Gaussians whose scales grow by 2^`log2_factor`; gives their centres in the world, too,
+    /// Projects Gaussians whose scales grow by 2^`log2_factor` for each camera; gives their centres in the world, too,
     /// and what is drawn of them without harmonics.
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         decoded: Self::Decoded<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        camera: &SplatCamera<V>,
-    ) -> ([V; 3], OnScreen<V>);
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]);
 }
 
 impl<'a> Coding<'a> for Discs<'a> {
@@ -96,18 +95,16 @@ impl<'a> Coding<'a> for Discs<'a> {
     }
 
     #[inline(always)]
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         disc: Disc<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        camera: &SplatCamera<V>,
-    ) -> ([V; 3], OnScreen<V>) {
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let [s, t] = disc.log2_scale;
         let scales = [s + log2_factor, t + log2_factor];
         let ellipsoid = disc_on(frame, disc.position, disc.angle, scales);
-        let (projected, drawable) = project(&camera.view, camera.low_pass, &ellipsoid);
-        let (opacity, color) = (disc.opacity, disc.color);
-        (ellipsoid.center, OnScreen { projected, drawable, opacity, color })
+        (ellipsoid.center, seen(&ellipsoid, disc.opacity, disc.color, cameras))
     }
 }
 
@@ -176,21 +173,19 @@ impl<'a> Coding<'a> for Fulls<'a> {
     }
 
     #[inline(always)]
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         full: Full<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        camera: &SplatCamera<V>,
-    ) -> ([V; 3], OnScreen<V>) {
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let scales = each(
             full.log2_scale,
             #[inline(always)]
             |scale| scale + log2_factor,
         );
         let ellipsoid = full_on(frame, full.position, full.rotation, scales);
-        let (projected, drawable) = project(&camera.view, camera.low_pass, &ellipsoid);
-        let (opacity, color) = (full.opacity, full.color);
-        (ellipsoid.center, OnScreen { projected, drawable, opacity, color })
+        (ellipsoid.center, seen(&ellipsoid, full.opacity, full.color, cameras))
     }
 }
 
@@ -325,23 +320,26 @@ impl<'a, R: Coding<'a>> Batch for Coded<'a, R> {
     }
 
     #[inline(always)]
-    fn project<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         &self,
         token: V::Token,
         at: usize,
-        camera: &SplatCamera<V>,
-    ) -> OnScreen<V> {
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
         let decoded = self.decode(token, at);
         let frame = self.frames.load(token, at);
-        let (center, seen) = R::project(decoded, V::splat(token, self.log2_factor), &frame, camera);
-        let color = if self.has_harmonics {
-            let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
-            let direction = harmonics::direction(center, camera.view.eye);
-            harmonics::color(seen.color, coefficients(token, harmonics), direction)
-        } else {
-            harmonics::not_below_zero(seen.color)
-        };
-        OnScreen { color, ..seen }
+        let factor = V::splat(token, self.log2_factor);
+        let (center, mut seen) = R::project(decoded, factor, &frame, cameras);
+        for (seen, camera) in seen.iter_mut().zip(cameras) {
+            seen.color = if self.has_harmonics {
+                let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
+                let direction = harmonics::direction(center, camera.view.eye);
+                harmonics::color(seen.color, coefficients(token, harmonics), direction)
+            } else {
+                harmonics::not_below_zero(seen.color)
+            };
+        }
+        seen
     }
 }
 

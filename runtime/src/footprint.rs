@@ -43,8 +43,8 @@ impl Posed<'_, '_> {
     ///
     /// Of a large mesh only some runs of sixteen triangles are looked at, evenly spread, about 500 triangles a region, which
     /// stand for the others: areas come out within 10 % of the whole sum, of either sign, where sizes and slopes change
-    /// smoothly along the mesh. All are looked at, with how far their Gaussians reach, where a region would be found to cover
-    /// nothing.
+    /// smoothly along the mesh. Of a region that would be found to cover nothing all are looked at, with how far their Gaussians
+    /// reach.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);
@@ -60,9 +60,11 @@ impl Posed<'_, '_> {
             self.add_footprints(&view, extent, stride, &mut sums);
             collected((0..regions).map(|region| sums.footprint(region, share, &view)))
         };
-        let footprints = sampled(stride, share, Extent::default());
+        let mut footprints = sampled(stride, share, Extent::default());
         if footprints.iter().any(|footprint| footprint.area == 0.0) {
-            return sampled(1, 1.0, widest_extent(self.avatar()));
+            let all = sampled(1, 1.0, widest_extent(self.avatar()));
+            let none = footprints.iter_mut().zip(all).filter(|(some, _)| some.area == 0.0);
+            none.for_each(|(none, all)| *none = all);
         }
         footprints
     }

@@ -10,7 +10,7 @@ use crate::extent::Extent;
 use crate::frames::FrameBlock;
 use crate::kernel::Kernel;
 use crate::lists::{ListKey, Listed};
-use crate::parts::Source;
+use crate::parts::{Looker, Source};
 use crate::plan::Plan;
 use crate::posed::Posed;
 use crate::project::{Splat, View};
@@ -54,9 +54,8 @@ impl<'s> Prepared<'s> {
         camera: &Camera,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
-        Self::in_parts(posed, plan, camera, scratch, 1, |parts| {
-            parts.iter_mut().for_each(Part::project);
-        })
+        let run = |parts: &mut [Part<'_, '_>]| parts.iter_mut().for_each(Part::project);
+        Self::in_parts(posed, plan, camera, scratch, 1, run)
     }
 
     /// [`Self::new`] in at most `parts` shares of about the same work (and at most [`MAX_PARTS`]):
@@ -70,30 +69,44 @@ impl<'s> Prepared<'s> {
         parts: usize,
         run: impl FnOnce(&mut [Part<'_, '_>]),
     ) -> Result<Self, Error> {
-        let (width, height) = (camera.width, camera.height);
-        let avatar = posed.avatar();
-        check(avatar, plan, camera)?;
-        let grid = TileGrid::new(width, height);
-        let mut scratch =
-            Scratch::new(scratch, Self::scratch_len(avatar, plan.gaussians(), width, height))?;
-        let tile_counts = scratch.take::<u32>(grid.tiles())?;
-        let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
-        let splats = scratch.take::<Splat>(plan.gaussians() as usize)?;
-        let keys = scratch.take::<ListKey>(plan.gaussians() as usize)?;
-        let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
-        posed.find_visible(&camera.view, Extent::of_plan(avatar, plan), visible);
-        let source = Source { posed, plan, camera: &camera, visible, grid };
-        let mut shares = source.split(Slots { splats: &mut *splats, keys: &mut *keys }, parts);
+        let [prepared] = Self::of_eyes(posed, plan, [camera], [scratch], parts, run)?;
+        Ok(prepared)
+    }
+
+    /// Frames of several cameras, as the two of a headset: [`Self::in_parts`] for each, with scratch of its own, but what
+    /// cameras have in common, walking the plan, decoding Gaussians and putting them in the world, is done once. The outcome
+    /// is the same as alone.
+    pub fn of_eyes<const EYES: usize>(
+        posed: &Posed<'_, '_>,
+        plan: &Plan,
+        cameras: [&Camera; EYES],
+        scratch: [&'s mut [u32]; EYES],
+        parts: usize,
+        run: impl FnOnce(&mut [Part<'_, '_, EYES>]),
+    ) -> Result<[Self; EYES], Error> {
+        let mut lent = heapless::Vec::<Lent<'s>, EYES>::new();
+        for (camera, scratch) in cameras.iter().zip(scratch) {
+            let _ = lent.push(Lent::new(posed, plan, camera, scratch)?);
+        }
+        // As many as cameras: the lengths are the same, so this cannot fail.
+        let mut lent = lent.into_array::<EYES>().map_err(|_| Error::Plan)?;
+        let lookers = lent.each_ref().map(|lent| lent.looker);
+        let slots = lent.each_mut().map(|lent| Slots { splats: lent.splats, keys: lent.keys });
+        let mut shares = Source { posed, plan, lookers }.split(slots, parts);
         run(&mut shares);
-        let mut filled = heapless::Vec::<Range<usize>, MAX_PARTS>::new();
+        let mut filled = heapless::Vec::<[Range<usize>; EYES], MAX_PARTS>::new();
         for share in &shares {
             let _ = filled.push(share.filled());
         }
         drop(shares);
-        let (splats, keys) = (close_gaps(splats, &filled), close_gaps(keys, &filled));
-        let listed = Listed { splats, keys, grid };
-        listed.count(tile_counts);
-        Ok(Self { listed, tile_counts, kernel: posed.kernel(), selected: plan.gaussians() })
+        let mut eye = 0..;
+        Ok(lent.map(|Lent { looker, tile_counts, splats, keys }| {
+            let eye = eye.next().unwrap_or_default();
+            let (splats, keys) = (close_gaps(splats, &filled, eye), close_gaps(keys, &filled, eye));
+            let listed = Listed { splats, keys, grid: looker.grid };
+            listed.count(tile_counts);
+            Self { listed, tile_counts, kernel: posed.kernel(), selected: plan.gaussians() }
+        }))
     }
 
     /// Splats in the order of the file, which breaks ties of depth.
@@ -116,10 +129,46 @@ pub(crate) fn check(avatar: &Avatar<'_>, plan: &Plan, camera: &Camera) -> Result
     plan.check(avatar)
 }
 
-/// Moves the runs `filled` of `slots` together.
-fn close_gaps<'s, T: Copy>(slots: &'s mut [T], filled: &[Range<usize>]) -> &'s [T] {
+/// What the frame of one camera takes of its scratch.
+struct Lent<'s> {
+    looker: Looker<'s>,
+    tile_counts: &'s mut [u32],
+    splats: &'s mut [Splat],
+    keys: &'s mut [ListKey],
+}
+
+impl<'s> Lent<'s> {
+    fn new(
+        posed: &Posed<'_, '_>,
+        plan: &Plan,
+        camera: &Camera,
+        scratch: &'s mut [u32],
+    ) -> Result<Self, Error> {
+        let (width, height) = (camera.width, camera.height);
+        let avatar = posed.avatar();
+        check(avatar, plan, camera)?;
+        let grid = TileGrid::new(width, height);
+        let needed = Prepared::scratch_len(avatar, plan.gaussians(), width, height);
+        let mut scratch = Scratch::new(scratch, needed)?;
+        let tile_counts = scratch.take::<u32>(grid.tiles())?;
+        let visible = scratch.take::<u32>(FrameBlock::count(avatar.header().triangles))?;
+        let splats = scratch.take::<Splat>(plan.gaussians() as usize)?;
+        let keys = scratch.take::<ListKey>(plan.gaussians() as usize)?;
+        let camera = SplatCamera { view: View::new(camera), low_pass: avatar.header().low_pass };
+        posed.find_visible(&camera.view, Extent::of_plan(avatar, plan), visible);
+        let looker = Looker { camera, visible, grid };
+        Ok(Self { looker, tile_counts, splats, keys })
+    }
+}
+
+/// Moves the runs of `slots` that are `filled` with splats of a camera together.
+fn close_gaps<'s, T: Copy, const EYES: usize>(
+    slots: &'s mut [T],
+    filled: &[[Range<usize>; EYES]],
+    eye: usize,
+) -> &'s [T] {
     let mut end = 0;
-    for run in filled {
+    for run in filled.iter().filter_map(|filled| filled.get(eye)) {
         if end == run.start {
             end = run.end;
             continue;

@@ -9,7 +9,7 @@ use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::kernel::{Kernel, Work};
 use crate::lanes::{Lanes, MAX_LANES, Row};
 use crate::lists::ListKey;
-use crate::math::Real;
+use crate::math::{Real, each};
 use crate::project::{Splat, View, footprint, project};
 use crate::select::{Harmonics, Local, Selected};
 use crate::tiles::TileGrid;
@@ -73,8 +73,33 @@ impl SplatCamera {
         grid: &TileGrid,
         slots: Slots<'_>,
     ) -> u64 {
-        kernel.run(Project { camera: self, batch, grid, slots })
+        let eye = Eye { camera: self, grid, slots, sees: u64::MAX };
+        let [touching] = splats(kernel, batch, [eye]);
+        touching
     }
+}
+
+/// A camera that looks at a batch.
+#[derive(Debug)]
+pub struct Eye<'s> {
+    /// The camera.
+    pub camera: &'s SplatCamera,
+    /// The tiles of its frame.
+    pub grid: &'s TileGrid,
+    /// Room for its splats.
+    pub slots: Slots<'s>,
+    /// Bit i: whether it looks at Gaussian i.
+    pub sees: u64,
+}
+
+/// [`SplatCamera::splats`] for several cameras, which decode the Gaussians and put them in the world once.
+#[inline]
+pub fn splats<G: Batch, const EYES: usize>(
+    kernel: Kernel,
+    batch: &G,
+    eyes: [Eye<'_>; EYES],
+) -> [u64; EYES] {
+    kernel.run(Project { batch, eyes })
 }
 
 /// Room for splats, and for what lists need of each.
@@ -110,63 +135,104 @@ const _: () = assert!(size_of::<Splat>() == size_of::<[Row; 3]>());
 /// Where two u16 that stand one after the other lie in a word.
 const TWO_SHORTS: [u32; 2] = if cfg!(target_endian = "little") { [0, 16] } else { [16, 0] };
 
-struct Project<'b, G> {
-    camera: &'b SplatCamera,
+struct Project<'b, G, const EYES: usize> {
     batch: &'b G,
-    grid: &'b TileGrid,
-    slots: Slots<'b>,
+    eyes: [Eye<'b>; EYES],
 }
 
-impl<G: Batch> Work for Project<'_, G> {
-    type Output = u64;
+impl<G: Batch, const EYES: usize> Work for Project<'_, G, EYES> {
+    type Output = [u64; EYES];
 
     #[inline(always)]
-    fn run<V: Lanes>(self, token: V::Token) -> u64 {
-        let Self { camera, batch, grid, slots: Slots { splats, keys } } = self;
-        let view = camera.view.map(
+    fn run<V: Lanes>(self, token: V::Token) -> [u64; EYES] {
+        let Self { batch, eyes } = self;
+        let cameras = each(
+            eyes.each_ref(),
             #[inline(always)]
-            |x| V::splat(token, x),
+            |eye: &Eye<'_>| {
+                let view = eye.camera.view.map(
+                    #[inline(always)]
+                    |x| V::splat(token, x),
+                );
+                SplatCamera { view, low_pass: eye.camera.low_pass }
+            },
         );
-        let camera = SplatCamera { view, low_pass: camera.low_pass };
+        let mut writers = eyes.map(
+            #[inline(always)]
+            |eye| Writer::new(eye.slots, *eye.grid, eye.sees),
+        );
+        let mut at = 0;
+        while at < batch.len() {
+            let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
+            let seen = batch.project(token, at, &cameras);
+            for ((writer, seen), camera) in writers.iter_mut().zip(&seen).zip(&cameras) {
+                writer.write(token, at, valid, &camera.view, seen);
+            }
+            at += V::LEN;
+        }
+        writers.map(
+            #[inline(always)]
+            |writer| writer.touching,
+        )
+    }
+}
+
+/// Packs the splats of one camera.
+struct Writer<'b> {
+    slots: core::iter::Zip<core::slice::IterMut<'b, [Row; 3]>, core::slice::IterMut<'b, ListKey>>,
+    grid: TileGrid,
+    sees: u64,
+    /// Bit i: whether Gaussian i touches a pixel.
+    touching: u64,
+    /// In the order of the splat's fields.
+    rows: [[Row; MAX_LANES]; 3],
+    tiles: [u32; MAX_LANES],
+}
+
+impl<'b> Writer<'b> {
+    #[inline(always)]
+    fn new(Slots { splats, keys }: Slots<'b>, grid: TileGrid, sees: u64) -> Self {
         // Copied row by row, as vectors write it: a load of another width waits for those stores. They are as
         // long, so this cannot fail.
         let splats: &mut [[Row; 3]] = bytemuck::try_cast_slice_mut(splats).unwrap_or(&mut []);
-        let mut slots = splats.iter_mut().zip(keys);
-        // In the order of the splat's fields.
-        let mut rows = [[[0.0; 4]; MAX_LANES]; 3];
-        let mut tiles = [0; MAX_LANES];
-        let mut all = 0;
-        let mut at = 0;
-        while at < batch.len() {
-            let OnScreen { projected, drawable, opacity, color } =
-                batch.project(token, at, &camera);
-            let (footprint, touches) = footprint(&camera.view, &projected, opacity);
-            let [x, y] = projected.mean;
-            let [a, b, c] = projected.falloff;
-            let [red, green, blue] = color;
-            let [x0, y0, x1, y1] = footprint.bounds;
-            let start = V::of_bits(V::pack(token, [x0, y0], TWO_SHORTS));
-            let end = V::of_bits(V::pack(token, [x1, y1], TWO_SHORTS));
-            V::store_rows([x, y, a, b], &mut rows[0]);
-            V::store_rows([c, footprint.log2_opacity, red, green], &mut rows[1]);
-            V::store_rows([blue, projected.depth, start, end], &mut rows[2]);
-            V::store_words(ListKey::tiles_of(token, footprint.bounds, grid), &mut tiles);
-            let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
-            let touching = u64::from(V::bits(drawable & touches)) & valid;
-            let mut left = touching;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize % MAX_LANES;
-                left &= left - 1;
-                if let Some(([first, second, third], key)) = slots.next() {
-                    *key = ListKey::new(tiles[lane], rows[2][lane][1]);
-                    *first = rows[0][lane];
-                    *second = rows[1][lane];
-                    *third = rows[2][lane];
-                }
+        let (rows, tiles) = ([[[0.0; 4]; MAX_LANES]; 3], [0; MAX_LANES]);
+        Self { slots: splats.iter_mut().zip(keys), grid, sees, touching: 0, rows, tiles }
+    }
+
+    /// Those of Gaussians `at..` that are `valid`, are looked at and touch a pixel.
+    #[inline(always)]
+    fn write<V: Lanes>(
+        &mut self,
+        token: V::Token,
+        at: usize,
+        valid: u64,
+        view: &View<V>,
+        &OnScreen { projected, drawable, opacity, color }: &OnScreen<V>,
+    ) {
+        let Self { slots, grid, sees, touching, rows, tiles } = self;
+        let (footprint, touches) = footprint(view, &projected, opacity);
+        let [x, y] = projected.mean;
+        let [a, b, c] = projected.falloff;
+        let [red, green, blue] = color;
+        let [x0, y0, x1, y1] = footprint.bounds;
+        let start = V::of_bits(V::pack(token, [x0, y0], TWO_SHORTS));
+        let end = V::of_bits(V::pack(token, [x1, y1], TWO_SHORTS));
+        V::store_rows([x, y, a, b], &mut rows[0]);
+        V::store_rows([c, footprint.log2_opacity, red, green], &mut rows[1]);
+        V::store_rows([blue, projected.depth, start, end], &mut rows[2]);
+        V::store_words(ListKey::tiles_of(token, footprint.bounds, grid), tiles);
+        let touch = u64::from(V::bits(drawable & touches)) & valid & (*sees >> at);
+        let mut left = touch;
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % MAX_LANES;
+            left &= left - 1;
+            if let Some(([first, second, third], key)) = slots.next() {
+                *key = ListKey::new(tiles[lane], rows[2][lane][1]);
+                *first = rows[0][lane];
+                *second = rows[1][lane];
+                *third = rows[2][lane];
             }
-            all |= touching << at;
-            at += V::LEN;
         }
-        all
+        *touching |= touch << at;
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use anyhow::Result;
+use dermis_runtime::budget::{self, Budget, Instance, Spent};
 use dermis_runtime::{
     Avatar, Background, Camera, Framebuffer, Kernel, Pixels, Plan, Pose, Posed, Prepared,
     Statistics, render, scratch_len,
@@ -35,6 +36,16 @@ pub struct Milliseconds {
     pub raster: f64,
     /// All of it.
     pub total: f64,
+}
+
+/// The plan of a posed avatar alone, and what it comes to.
+pub fn planned(posed: &Posed<'_, '_>, camera: &Camera, budget: &Budget) -> Result<(Plan, Spent)> {
+    let instances =
+        [Instance { avatar: posed.avatar(), footprints: posed.footprints(camera), weight: 1.0 }];
+    let (mut scratch, mut plans) = (vec![0; budget::scratch_len(&instances)], [Plan::default()]);
+    let spent = budget::plan(&instances, budget, None, &mut scratch, &mut plans)?;
+    let [plan] = plans;
+    Ok((plan, spent))
 }
 
 /// Draws one frame over `background`.

@@ -16,10 +16,10 @@ use dermis_runtime::mix::mixed;
 use dermis_runtime::project::{Splat, View};
 use dermis_runtime::screen::SplatCamera;
 use dermis_runtime::select::{Place, for_each_block, for_each_of_block};
-use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
+use dermis_runtime::{Avatar, Camera, Error, Kernel, Part, Plan, Pose, Posed, Prepared};
 use proptest::prelude::*;
 
-use crate::scenes::{bytes, camera, kernels, sheet};
+use crate::scenes::{DOT, bytes, camera, kernels, sheet};
 
 /// Numbers from a seed.
 struct Numbers(u32);
@@ -213,6 +213,65 @@ proptest! {
             prop_assert!(one_by_one(&posed, &plan, &camera) == expected, "{}", kernel.name());
         }
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Cameras that share what they can see what each sees alone: beside each other, one behind the avatar, of other sizes,
+    /// in any number of shares.
+    #[test]
+    fn eyes_see_together_what_each_sees_alone(
+        kind in kinds(),
+        layers in prop::array::uniform3(0..200u32),
+        seed in any::<u32>(),
+        share in 0.3f32..1.2,
+        distance in prop::sample::select(vec![0.3f32, 1.0, 3.0]),
+        apart in 0f32..0.5,
+        parts in 1usize..6,
+    ) {
+        let file = bytes(&cloud(kind, layers, &mut Numbers(seed)));
+        let avatar = Avatar::parse(&file).unwrap();
+        let plan = Plan::with_budget(&avatar, (share * avatar.header().gaussians as f32) as u32);
+        let left = camera(61, 47, 50.0, distance);
+        let mut right = left;
+        right.world_to_camera[0][3] -= apart;
+        let mut behind = camera(40, 70, 30.0, distance);
+        behind.world_to_camera[0][0] = -1.0;
+        behind.world_to_camera[2][2] *= -1.0;
+        let cameras = [&left, &right, &behind];
+        let len = |camera: &Camera| {
+            Prepared::scratch_len(&avatar, plan.gaussians(), camera.width, camera.height)
+        };
+        for kernel in kernels() {
+            let mut posing = vec![0; Posed::scratch_len(&avatar)];
+            let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut posing).unwrap();
+            let mut scratch = cameras.map(|camera| vec![u32::MAX; len(camera)]);
+            let lent = scratch.each_mut().map(|scratch| &mut scratch[..]);
+            let together = Prepared::of_eyes(&posed, &plan, cameras, lent, parts, |parts| {
+                parts.iter_mut().rev().for_each(Part::project);
+            });
+            for (eye, (together, camera)) in together.unwrap().iter().zip(cameras).enumerate() {
+                let mut scratch = vec![0; len(camera)];
+                let alone = Prepared::new(&posed, &plan, camera, &mut scratch).unwrap();
+                prop_assert!(together.splats() == alone.splats(), "{eye} by {}", kernel.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn eyes_without_scratch_are_refused() {
+    let file = bytes(&sheet(&[DOT; 4]));
+    let avatar = Avatar::parse(&file).unwrap();
+    let mut posing = vec![0; Posed::scratch_len(&avatar)];
+    let posed = Posed::new(&avatar, &Pose::Rest, Kernel::Scalar, &mut posing).unwrap();
+    let (plan, camera) = (Plan::with_budget(&avatar, 4), camera(61, 47, 50.0, 1.0));
+    let needed = Prepared::scratch_len(&avatar, 4, 61, 47);
+    let (mut enough, mut less) = (vec![0; needed], vec![0; needed - 1]);
+    let lent = [&mut enough[..], &mut less[..]];
+    let refused = Prepared::of_eyes(&posed, &plan, [&camera; 2], lent, 1, |_| {});
+    assert_eq!(refused.err(), Some(Error::Scratch { needed, lent: needed - 1 }));
 }
 
 /// The strategy above makes clouds of which something is seen, and something is not.

@@ -8,12 +8,15 @@
 //! 5. [`approximations`] switches what is approximated to its exact form, one at a time.
 //! 6. [`training`] measures a step of training, part by part.
 //! 7. [`unpacking`] measures how soon a packed file is one that can be drawn.
-//! 8. [`table`] and [`plot`] show it; [`once`] draws frames for counters of instructions; [`machine`] names the CPU.
+//! 8. [`approach`] looks for what pops when a camera comes nearer.
+//! 9. [`stereo`] measures what a second eye costs.
+//! 10. [`table`] and [`plot`] show it; [`once`] draws frames for counters of instructions; [`machine`] names the CPU.
 //!
 //! Times of one thread are CPU time of that thread (time that passes where the system does not tell);
 //! those of several threads are time that passes. `project` holds what `Prepared::new` does, `sort` the
 //! lists of the tiles, `raster` blending and writing bytes.
 
+pub mod approach;
 pub mod approximations;
 pub mod clock;
 pub mod error;
@@ -23,6 +26,7 @@ pub mod plot;
 pub mod roofline;
 pub mod row;
 pub mod stages;
+pub mod stereo;
 pub mod table;
 pub mod team;
 pub mod training;

@@ -7,9 +7,11 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use dermis_runtime::{Avatar, Camera, Kernel};
+use dermis_trainer::bench::approach::{self, Approach};
 use dermis_trainer::bench::approximations::Source;
 use dermis_trainer::bench::once::draw_once;
 use dermis_trainer::bench::stages::Scene;
+use dermis_trainer::bench::stereo;
 use dermis_trainer::bench::unpacking::{self, Unpacking};
 use dermis_trainer::bench::{Bench, Options, machine, measure, plot, training};
 use dermis_trainer::camera_file::{self, Shot};
@@ -60,6 +62,13 @@ pub(crate) struct Arguments {
     /// Pack the avatar, and measure what unpacking takes, --runs times.
     #[arg(long, conflicts_with_all = ["training", "camera", "distance", "kernel", "budget", "size", "approximations", "svg"])]
     unpacking: bool,
+    /// Let a camera come from 8 m to 1 m in --runs pictures, by a plan of each --budget: what changes from one to the next
+    /// beside all Gaussians, and how well blends are foretold.
+    #[arg(long, conflicts_with_all = ["scene", "training", "unpacking", "camera", "distance", "kernel", "approximations", "svg"])]
+    approach: bool,
+    /// Draw both eyes of a headset, 63 mm apart, --runs times, and show what the second one costs.
+    #[arg(long, conflicts_with_all = ["training", "unpacking", "approach", "approximations", "svg"])]
+    stereo: bool,
     /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
     /// instructions.
     #[arg(long, conflicts_with_all = ["runs", "approximations", "svg"])]
@@ -86,6 +95,9 @@ impl FromStr for Mannequin {
 const MOST_GAUSSIANS: u32 = 10_000_000;
 /// Names of all kernels, on whatever CPU.
 const KERNELS: [&str; 8] = ["all", "scalar", "sse2", "sse4.2", "avx2", "avx512", "neon", "simd128"];
+/// Where a camera that comes nearer begins and ends, metres.
+const FAR: f32 = 8.0;
+const NEAR: f32 = 1.0;
 /// From where a made figure is seen, metres.
 const DISTANCE: f32 = 2.0;
 
@@ -109,6 +121,24 @@ struct TrainingReport {
     avatar: String,
     cpu: String,
     rows: Vec<training::Row>,
+}
+
+/// What `--stereo --json` prints.
+#[derive(Serialize)]
+struct StereoReport {
+    avatar: String,
+    cpu: String,
+    rows: Vec<stereo::Row>,
+}
+
+/// What `--approach --json` prints.
+#[derive(Serialize)]
+struct ApproachReport {
+    avatar: String,
+    cpu: String,
+    width: u32,
+    height: u32,
+    approaches: Vec<Approach>,
 }
 
 /// What `--unpacking --json` prints.
@@ -138,6 +168,25 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         let unpacking = unpacking::measure(&avatar, arguments.runs)?;
         let report = UnpackingReport { avatar: name, cpu: machine::cpu(), unpacking };
         return super::print(common, &report, tables::unpacking);
+    }
+    if arguments.approach {
+        let pose = arguments.posing.pose(&avatar)?;
+        let Some(&Size(width, height)) = arguments.size.first() else {
+            super::misuse("give --size WxH")
+        };
+        let budgets = budgets(&avatar, arguments);
+        let way = [FAR, NEAR];
+        let approaches =
+            approach::measure(&avatar, &pose, [width, height], &budgets, way, arguments.runs)
+                .with_context(|| name.clone())?;
+        let report =
+            ApproachReport { avatar: name, cpu: machine::cpu(), width, height, approaches };
+        return super::print(common, &report, tables::approach);
+    }
+    if arguments.stereo {
+        let rows = stereo(&avatar, arguments).with_context(|| name.clone())?;
+        let report = StereoReport { avatar: name, cpu: machine::cpu(), rows };
+        return super::print(common, &report, tables::stereo);
     }
     if arguments.training {
         let rows = training(&avatar, arguments, common).with_context(|| name.clone())?;
@@ -179,6 +228,20 @@ fn training(
     let pose = arguments.posing.pose(avatar)?;
     let shots = shots(avatar, arguments)?;
     training::measure(avatar, &pose, &shots, &threads(common), arguments.runs)
+}
+
+fn stereo(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<Vec<stereo::Row>> {
+    let pose = arguments.posing.pose(avatar)?;
+    let mut rows = Vec::new();
+    for kernel in kernels(&arguments.kernel)? {
+        for shot in shots(avatar, arguments)? {
+            for budget in budgets(avatar, arguments) {
+                let scene = Scene { avatar, pose: &pose, shot, budget };
+                rows.push(stereo::measure(&scene, kernel, arguments.runs)?);
+            }
+        }
+    }
+    Ok(rows)
 }
 
 fn threads(common: &Common) -> Vec<usize> {

@@ -11,11 +11,11 @@ pub mod reference;
 use anyhow::{Context, Result, ensure};
 use dermis_format::packed;
 use dermis_format::section::{self, Sections};
-use dermis_runtime::budget::{self, Budget, Instance, scratch_len};
+use dermis_runtime::budget::Budget;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed};
 use serde::Serialize;
 
-use crate::draw::{draw, rgb_of};
+use crate::draw::{draw, planned, rgb_of};
 use crate::metrics::{Rect, flip::flip, psnr::psnr_db, ssim::ssim_u8};
 use crate::model::Model;
 use crate::progress;
@@ -277,13 +277,7 @@ impl Measured<'_> {
             return Ok(plan.clone());
         }
         let budget = Budget::of_gaussians(self.budget.unwrap_or(u32::MAX));
-        let instance =
-            Instance { avatar: &self.avatar, footprints: posed.footprints(camera), weight: 1.0 };
-        let instances = [instance];
-        let (mut scratch, mut plans) = (vec![0; scratch_len(&instances)], [Plan::default()]);
-        budget::plan(&instances, &budget, None, &mut scratch, &mut plans)?;
-        let [plan] = plans;
-        Ok(plan)
+        planned(posed, camera, &budget).map(|(plan, _)| plan)
     }
 
     fn row(&self, split: Split, sum: &Sum) -> Row {

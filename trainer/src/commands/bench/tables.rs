@@ -1,14 +1,80 @@
 //! What `dermis bench` prints for people.
 
 use dermis_trainer::bench::Bench;
+use dermis_trainer::bench::approach::Approach;
 use dermis_trainer::bench::approximations::Approximations;
 use dermis_trainer::bench::clock::Clock;
 use dermis_trainer::bench::row::Row;
+use dermis_trainer::bench::stereo;
 use dermis_trainer::bench::table::aligned;
 
-use super::{Report, TrainingReport, UnpackingReport};
+use super::{ApproachReport, Report, StereoReport, TrainingReport, UnpackingReport};
 
-/// Steps of training.
+/// Every tenth of the way, and the greatest change of all pictures.
+pub(super) fn approach(report: &ApproachReport) -> String {
+    let ApproachReport { avatar, cpu, width, height, approaches } = report;
+    let mut out = format!(
+        "{avatar}, {cpu}, {width}x{height}: change from picture to picture, root mean square in 1/255\n"
+    );
+    let headings = ["budget", "metres", "Gaussians", "change", "of all", "blends foretold/done"];
+    let mut rows = Vec::new();
+    for Approach { budget, steps } in approaches {
+        for step in steps.iter().step_by(steps.len().div_ceil(10).max(1)) {
+            rows.push(vec![
+                budget.to_string(),
+                format!("{:.2}", step.distance_m),
+                step.gaussians.to_string(),
+                format!("{:.2}", step.change_8bit),
+                format!("{:.2}", step.change_of_all_8bit),
+                format!("{:.2}", step.blends_foretold),
+            ]);
+        }
+    }
+    out += &aligned(&headings, &rows);
+    for approach in approaches {
+        let (budget, ratio) = (approach.budget, approach.greatest_change_to_all());
+        out += &format!("{budget}: greatest change to that of all {ratio:.3}\n");
+    }
+    out
+}
+
+/// Both eyes.
+pub(super) fn stereo(report: &StereoReport) -> String {
+    let StereoReport { avatar, cpu, rows } = report;
+    let headings = [
+        "kernel",
+        "size",
+        "Gaussians",
+        "pose",
+        "project one",
+        "both",
+        "draw left",
+        "right",
+        "repeated",
+        "second/first",
+    ];
+    let row = |row: &stereo::Row| {
+        let mut cells = vec![
+            row.kernel.into(),
+            format!("{}x{}", row.width, row.height),
+            row.gaussians.to_string(),
+        ];
+        let ms = [row.pose, row.project_one, row.project_both, row.draw_left, row.draw_right];
+        cells.extend(ms.map(|ms| format!("{ms:.2}")));
+        cells.extend(
+            [row.repeated(), row.second_to_first()].map(|share| format!("{:.0} %", share * 100.0)),
+        );
+        cells
+    };
+    let rows: Vec<Vec<String>> = rows.iter().map(row).collect();
+    format!(
+        "{avatar}, {cpu}, both eyes: medians, ms of {}\n{}",
+        Clock::ONE_THREAD.measures(),
+        aligned(&headings, &rows)
+    )
+}
+
+/// What unpacking takes.
 pub(super) fn unpacking(report: &UnpackingReport) -> String {
     let UnpackingReport { avatar, cpu, unpacking } = report;
     format!(
@@ -22,6 +88,7 @@ pub(super) fn unpacking(report: &UnpackingReport) -> String {
     )
 }
 
+/// Steps of training.
 pub(super) fn training(report: &TrainingReport) -> String {
     let headings = [
         "threads",

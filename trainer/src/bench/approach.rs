@@ -1,0 +1,100 @@
+//! A camera that comes nearer: whether the counts of a plan show as they rise, and how well it foretells blends.
+
+use anyhow::Result;
+use dermis_runtime::budget::Budget;
+use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
+use serde::Serialize;
+
+use crate::draw::{draw, planned};
+use crate::orbit::Orbit;
+use crate::progress;
+
+const WHITE: [f32; 3] = [1.0; 3];
+
+/// A picture on the way.
+#[derive(Clone, Debug, Serialize)]
+pub struct Step {
+    /// From the middle of the posed avatar, metres.
+    pub distance_m: f32,
+    /// Of the plan.
+    pub gaussians: u32,
+    /// Root mean square of the change since the picture before, in 1/255; 0 of the first one.
+    pub change_8bit: f64,
+    /// The same with all Gaussians drawn on the whole way.
+    pub change_of_all_8bit: f64,
+    /// Blends that the plan foretold, to those that were done.
+    pub blends_foretold: f64,
+}
+
+/// The pictures of one budget.
+#[derive(Clone, Debug, Serialize)]
+pub struct Approach {
+    /// Gaussians of a plan at most.
+    pub budget: u32,
+    /// From afar to near.
+    pub steps: Vec<Step>,
+}
+
+impl Approach {
+    /// The greatest change to the greatest one of all Gaussians.
+    pub fn greatest_change_to_all(&self) -> f64 {
+        let greatest = |of: fn(&Step) -> f64| self.steps.iter().map(of).fold(0.0, f64::max);
+        greatest(|step| step.change_8bit) / greatest(|step| step.change_of_all_8bit).max(1e-9)
+    }
+}
+
+/// Draws `pictures` pictures of a posed avatar from in front, from `far` to `near` metres, each nearer than the one before
+/// by the same share: by a plan of each budget, and all Gaussians.
+///
+/// # Errors
+///
+/// Where the pose does not fit the avatar, or the size cannot be drawn.
+pub fn measure(
+    avatar: &Avatar<'_>,
+    pose: &Pose<'_>,
+    [width, height]: [u32; 2],
+    budgets: &[u32],
+    [far, near]: [f32; 2],
+    pictures: u32,
+) -> Result<Vec<Approach>> {
+    let mut scratch = vec![0; Posed::scratch_len(avatar)];
+    let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
+    let all = Plan::with_budget(avatar, u32::MAX);
+    let mut approaches: Vec<Approach> =
+        budgets.iter().map(|&budget| Approach { budget, steps: Vec::new() }).collect();
+    let mut before: Option<Vec<Vec<u8>>> = None;
+    let bar = progress::bar("coming nearer", u64::from(pictures));
+    for picture in 0..pictures {
+        let share = picture as f32 / pictures.saturating_sub(1).max(1) as f32;
+        let distance_m = far * (near / far).powf(share);
+        let orbit = Orbit { yaw: 0.0, pitch: 0.0, distance: Some(distance_m) };
+        let camera = orbit.camera(avatar, pose, width, height)?;
+        let pose = Pose::Vertices(posed.vertices());
+        // All Gaussians come first.
+        let mut now = vec![draw(avatar, &pose, &all, &camera, WHITE)?.rgba];
+        for approach in &mut approaches {
+            let (plan, spent) = planned(&posed, &camera, &Budget::of_gaussians(approach.budget))?;
+            let drawn = draw(avatar, &pose, &plan, &camera, WHITE)?;
+            now.push(drawn.rgba);
+            let change = |of: usize| before.as_ref().map_or(0.0, |b| change(&b[of], &now[of]));
+            approach.steps.push(Step {
+                distance_m,
+                gaussians: plan.gaussians(),
+                change_8bit: change(now.len() - 1),
+                change_of_all_8bit: change(0),
+                blends_foretold: f64::from(spent.blends)
+                    / drawn.statistics.counts.blends.max(1) as f64,
+            });
+        }
+        before = Some(now);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(approaches)
+}
+
+/// Root of the mean square, in 1/255.
+fn change(a: &[u8], b: &[u8]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2));
+    (squares.sum::<f64>() / a.len().max(1) as f64).sqrt()
+}
