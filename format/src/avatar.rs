@@ -6,6 +6,7 @@ use crate::error::{Error, malformed};
 use crate::header::{Header, MAX_REGIONS, PerLevel};
 use crate::level::Level;
 use crate::level_order::LevelOrder;
+use crate::movement::Movements;
 use crate::record::{
     BindRecord, ImportanceRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane,
     take_plane,
@@ -30,6 +31,7 @@ pub struct Avatar<'a> {
     layers: &'a [U32],
     importances: &'a [ImportanceRecord],
     curves: Option<Curves<'a>>,
+    movements: Option<Movements<'a>>,
     joints: &'a [JointRecord],
     joint_names: &'a [u8],
     binds: &'a [BindRecord],
@@ -90,6 +92,7 @@ impl<'a> Avatar<'a> {
             layers: &[],
             importances: &[],
             curves: None,
+            movements: None,
             joints: &[],
             joint_names: &[],
             binds: &[],
@@ -130,6 +133,10 @@ impl<'a> Avatar<'a> {
             tag::CURVES => {
                 self.curves = Curves::split(payload, &header);
                 self.curves.map(|_| ())
+            }
+            tag::MOVEMENTS => {
+                self.movements = Movements::split(payload, &header);
+                self.movements.map(|_| ())
             }
             tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
             tag::JOINT_NAMES => {
@@ -383,6 +390,11 @@ impl<'a> Avatar<'a> {
         self.curves
     }
 
+    /// How far joints and morph targets move the mesh; none if the file leaves it out.
+    pub fn movements(&self) -> Option<Movements<'a>> {
+        self.movements
+    }
+
     /// The skeleton; parents stand before their children.
     pub fn joints(&self) -> &'a [JointRecord] {
         self.joints
@@ -559,6 +571,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::LAYERS => "LAYR",
         tag::IMPORTANCES => "IMPO",
         tag::CURVES => "CURV",
+        tag::MOVEMENTS => "MOVE",
         tag::JOINTS => "JNTS",
         tag::JOINT_NAMES => "JNAM",
         tag::BINDS => "BIND",

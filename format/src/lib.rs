@@ -13,8 +13,9 @@
 //! 6. [`quant`] turns codes into numbers, and back.
 //! 7. [`order`] states which Gaussians of a block come first.
 //! 8. [`curves`] say how good a picture each count makes.
-//! 9. [`avatar`] is the checked view of it all.
-//! 10. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+//! 9. [`movement`] says how far joints and morph targets move the mesh.
+//! 10. [`avatar`] is the checked view of it all.
+//! 11. `source` and `writer` (feature `std`) encode what a trainer or converter has.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;
@@ -26,6 +27,7 @@ pub mod error;
 pub mod header;
 pub mod level;
 mod level_order;
+pub mod movement;
 pub mod order;
 pub mod packed;
 pub mod quant;
@@ -46,6 +48,7 @@ pub use discs::{DiscLayout, Discs};
 pub use error::Error;
 pub use header::{FrameKind, Header, LowPass, PerLevel, RecordKind, ScaleLaw};
 pub use level::Level;
+pub use movement::Movements;
 pub use quant::{Disc, Full};
 pub use record::DiscWidths;
 pub use triangles::Triangles;

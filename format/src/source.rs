@@ -25,6 +25,19 @@ pub struct Source {
     pub key_frames: Vec<(Option<u16>, f32)>,
     /// How near the picture is to the mesh, if that was measured.
     pub curves: Option<MeasuredCurves>,
+    /// How far joints and morph targets move the mesh, if that was measured.
+    pub movements: Option<MeasuredMovements>,
+}
+
+/// How far joints and morph targets move the mesh, as [`crate::movement`] says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeasuredMovements {
+    /// Of each joint, metres.
+    pub joints: Vec<f32>,
+    /// Of each morph target at weight 1, metres.
+    pub targets: Vec<f32>,
+    /// Of each clip, m/s.
+    pub clips: Vec<f32>,
 }
 
 /// How near each region's picture is to the mesh, by level and distance.

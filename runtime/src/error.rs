@@ -54,7 +54,7 @@ pub enum Error {
         /// Rows.
         height: u32,
     },
-    /// The plan was made for another avatar.
+    /// The plan was made for another avatar, or the avatar posed for a plan of fewer Gaussians.
     Plan,
 }
 
@@ -129,7 +129,7 @@ impl fmt::Display for Error {
                 )
             }
             Self::Plan => {
-                f.write_str("plan: it was made for another avatar; plan again for this one")
+                f.write_str("plan: it was made for another avatar, or has more than the avatar was posed for; plan or pose again")
             }
         }
     }

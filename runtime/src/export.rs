@@ -112,6 +112,7 @@ impl Posed<'_, '_> {
         to: &mut [PosedGaussian],
     ) -> Result<usize, Error> {
         plan.check(self.avatar())?;
+        self.check(plan)?;
         let (needed, lent) = (plan.gaussians() as usize, to.len());
         if lent < needed {
             return Err(Error::Buffer { buffer: Buffer::Gaussians, needed, lent });

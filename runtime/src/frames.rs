@@ -50,21 +50,28 @@ impl<V: Lanes> Frame<V> {
 }
 
 /// Frames the triangles of a mesh whose vertices are posed.
-pub(crate) struct MakeFrames<'s, 'a> {
+pub(crate) struct MakeFrames<'s, 'a, N> {
     pub(crate) avatar: &'s Avatar<'a>,
     pub(crate) vertices: &'s [[f32; 3]],
     pub(crate) blocks: &'s mut [FrameBlock],
+    /// Whether a block of triangles is needed; the others get no frames.
+    pub(crate) needed: N,
 }
 
-impl Work for MakeFrames<'_, '_> {
+impl<N: Fn(usize) -> bool> Work for MakeFrames<'_, '_, N> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) {
-        let Self { avatar, vertices, blocks } = self;
+        let Self { avatar, vertices, blocks, needed } = self;
         let kind = avatar.header().frame;
         let mut corners = [[[0.0; 4]; MAX_LANES]; 3];
-        for (block, first) in blocks.iter_mut().zip((0..).step_by(MAX_LANES)) {
+        for (index, block) in blocks.iter_mut().enumerate() {
+            if !needed(index) {
+                *block = FrameBlock::zeroed();
+                continue;
+            }
+            let first = index * MAX_LANES;
             for lane in 0..MAX_LANES {
                 // Beyond the last triangle all corners are vertex 0: no area, no frame.
                 let triangle = avatar.triangle(first + lane);

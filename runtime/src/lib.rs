@@ -8,7 +8,8 @@
 //!    coordinate system ([`frame`]).
 //! 3. [`Plan`] chooses the Gaussians of the frame under a budget ([`plan`], [`select`]), between two levels
 //!    where they have parameters of their own at each ([`mix`]). For several avatars [`budget`] shares one budget out,
-//!    by what each region covers ([`footprint`]).
+//!    by what each region covers ([`footprint`]); then [`Posed::for_plan`] poses what the plans need, and [`rate`] says how
+//!    often.
 //! 4. [`Prepared`] puts them in the world ([`gaussian`], [`harmonics`]) and on the screen
 //!    ([`project`], [`prepare`]): one by one by the specification ([`screen`]), in fact many at
 //!    once ([`batch`], from the file's codes: [`coded`]), in shares that the caller's threads may take
@@ -50,6 +51,7 @@ pub mod lanes;
 pub mod lists;
 pub mod math;
 pub mod mix;
+mod needed;
 mod parts;
 pub mod plan;
 pub mod pose;
@@ -57,6 +59,7 @@ pub mod posed;
 pub mod prepare;
 pub mod project;
 pub mod raster;
+pub mod rate;
 mod scratch;
 pub mod screen;
 pub mod select;

@@ -292,6 +292,19 @@ pub fn transform(m: &Affine, [x, y, z]: [f32; 3]) -> [f32; 3] {
     core::array::from_fn(|i| m[i][0] * x + m[i][1] * y + m[i][2] * z + m[i][3])
 }
 
+/// What takes back what `m` does, by cofactors; `None` where it flattens space, or its numbers are beyond those of f32.
+pub fn inverse(m: &Affine) -> Option<Affine> {
+    let [a, b, c] = m.map(|[x, y, z, _]| [x, y, z]);
+    let columns = [cross(b, c), cross(c, a), cross(a, b)];
+    let determinant = dot(a, columns[0]);
+    let rows: Affine = core::array::from_fn(|i| {
+        let row = columns.map(|column| column[i] / determinant);
+        let [x, y, z] = row;
+        [x, y, z, -dot(row, m.map(|row| row[3]))]
+    });
+    rows.iter().flatten().all(|number| number.is_finite()).then_some(rows)
+}
+
 /// 1.5 · 2²³: adding it to |p| < 2²² rounds p to an integer, which the lowest bits then hold.
 pub const ROUNDER: f32 = 12_582_912.0;
 /// Bits of √½.

@@ -28,6 +28,7 @@ pub struct RegionPlan {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     regions: heapless::Vec<RegionPlan, MAX_REGIONS>,
+    still_below: f32,
 }
 
 impl Plan {
@@ -81,7 +82,27 @@ impl Plan {
     pub fn of_counts(avatar: &Avatar<'_>, counts: impl Iterator<Item = u32>) -> Self {
         let regions = (0..usize::from(avatar.header().regions)).zip(counts);
         let regions = regions.map(|(region, count)| RegionPlan::new(avatar, region, count));
-        Self { regions: collected(regions) }
+        Self { regions: collected(regions), still_below: 0.0 }
+    }
+
+    /// This plan, but what moves the surface less than so many metres stays as it rests: joints with all below them, and
+    /// morph targets, as far as the file says how far they move it ([`dermis_format::Movements`]). At 0 everything moves.
+    pub fn with_still_below(self, metres: f32) -> Self {
+        Self { still_below: metres, ..self }
+    }
+
+    /// What moves the surface less than so many metres stays as it rests.
+    pub fn still_below(&self) -> f32 {
+        self.still_below
+    }
+
+    /// Whether no clip moves anything that this plan lets move, morph targets at weights within ±1: a rest pose made once is
+    /// the pose of every frame.
+    pub fn is_still(&self, avatar: &Avatar<'_>) -> bool {
+        let Some(movements) = avatar.movements() else { return false };
+        let joints = (0..).map_while(|joint| movements.of_joint(joint));
+        let targets = (0..).map_while(|target| movements.of_target(target));
+        joints.chain(targets).all(|moved| moved < self.still_below)
     }
 
     /// This plan, but no region has more than `factor` times as many Gaussians as in the frame `before`, or as 64 where it had
@@ -96,7 +117,7 @@ impl Plan {
             let most = (f64::from(base) * f64::from(factor)) as u32;
             plan.count.min(most.max(base))
         });
-        Self::of_counts(avatar, counts)
+        Self::of_counts(avatar, counts).with_still_below(self.still_below)
     }
 
     /// Gaussians of all regions. Those whose opacity at the plan's level is under 0.005 are counted
@@ -124,6 +145,11 @@ impl Plan {
             return Err(Error::Plan);
         }
         Ok(())
+    }
+
+    /// Gaussians of each region.
+    pub(crate) fn counts(&self) -> heapless::Vec<u32, MAX_REGIONS> {
+        collected(self.regions.iter().map(|region| region.count))
     }
 
     /// Each region's share.

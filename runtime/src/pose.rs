@@ -1,10 +1,11 @@
 //! Pose: clips or joints to a matrix per bind and a weight per morph target.
 
 use dermis_format::Avatar;
+use dermis_format::record::JointRecord;
 use dermis_format::rig::{Channel, Clip, Property};
 
 use crate::error::Error;
-use crate::math::{Affine, Real, affine_of, compose};
+use crate::math::{Affine, IDENTITY, Real, affine_of, compose, inverse};
 
 /// How the avatar stands.
 #[derive(Clone, Copy, Debug)]
@@ -30,10 +31,12 @@ pub enum Pose<'a> {
 }
 
 /// Fills `matrices` (bind space → world) and `weights`; `joints` is working space of the length of
-/// the skeleton.
+/// the skeleton. What moves the surface less than `still_below` metres stays as it rests: joints of clips with all below them, and
+/// morph targets.
 pub(crate) fn evaluate(
     avatar: &Avatar<'_>,
     pose: &Pose<'_>,
+    still_below: f32,
     joints: &mut [Affine],
     matrices: &mut [Affine],
     weights: &mut [f32],
@@ -48,12 +51,23 @@ pub(crate) fn evaluate(
             let clips = avatar.clips().count();
             let clip = avatar.clips().nth(index).ok_or(Error::Clip { clips, index })?;
             rest(avatar, joints, weights);
-            apply(&clip, seconds, joints, weights);
+            let movements = avatar.movements();
+            let moved = |joint: u16| movements.and_then(|m| m.of_joint(joint.into()));
+            let moves = |joint| moved(joint).is_none_or(|metres| metres >= still_below);
+            apply(&clip, seconds, moves, joints, weights);
             to_world(avatar, joints);
         }
         Pose::Rest | Pose::Vertices(_) => {
             rest(avatar, joints, weights);
             to_world(avatar, joints);
+        }
+    }
+    if let Some(movements) = avatar.movements() {
+        for (target, weight) in weights.iter_mut().enumerate() {
+            let metres = movements.of_target(target).unwrap_or(f32::INFINITY);
+            if (*weight * metres).abs() < still_below {
+                *weight = 0.0;
+            }
         }
     }
     for (matrix, bind) in matrices.iter_mut().zip(avatar.binds()) {
@@ -62,6 +76,74 @@ pub(crate) fn evaluate(
         *matrix = world.map_or(inverse, |world| compose(world, &inverse));
     }
     Ok(())
+}
+
+/// What a pose does to the avatar as a whole: where the joint above all that move the mesh takes what is at rest. Footprints
+/// of the rest pose in this place (`camera.for_place(&compose(&place, &carried))`) stand for those of the posed avatar, and cost
+/// no skinning. The identity where the caller gives vertices, and where nothing can be carried.
+pub fn carried(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Affine {
+    let Some(top) = top_joint(avatar) else { return IDENTITY };
+    let rest = world(avatar, top, |_| None);
+    let posed = match *pose {
+        Pose::Rest | Pose::Vertices(_) => return IDENTITY,
+        Pose::Joints { worlds, .. } => worlds.get(top).copied().unwrap_or(rest),
+        Pose::Clip { clip, seconds } => {
+            let Some(clip) = avatar.clips().nth(clip) else { return IDENTITY };
+            world(avatar, top, |joint| {
+                let mut local = rest_of(avatar.joints().get(joint)?);
+                for channel in clip.channels() {
+                    let (Property::Translation(moved)
+                    | Property::Rotation(moved)
+                    | Property::Scale(moved)) = channel.property
+                    else {
+                        continue;
+                    };
+                    if usize::from(moved) == joint {
+                        move_joint(&clip, &channel, seconds, &mut local);
+                    }
+                }
+                Some(local)
+            })
+        }
+    };
+    inverse(&rest).map_or(IDENTITY, |inverse| compose(&posed, &inverse))
+}
+
+/// The deepest joint above all that have binds.
+fn top_joint(avatar: &Avatar<'_>) -> Option<usize> {
+    let parent = |joint: usize| {
+        let parent = usize::from(avatar.joints().get(joint)?.parent.get());
+        (parent < joint).then_some(parent)
+    };
+    let mut joints = avatar.binds().iter().map(|bind| usize::from(bind.joint.get()));
+    let first = joints.next()?;
+    joints.try_fold(first, |mut a, mut b| {
+        // Parents stand before their children.
+        while a != b {
+            if a > b {
+                a = parent(a)?;
+            } else {
+                b = parent(b)?;
+            }
+        }
+        Some(a)
+    })
+}
+
+/// World transform of a joint whose chain has these locals (translation, rotation, scale), or those in which it rests.
+fn world(avatar: &Avatar<'_>, joint: usize, local: impl Fn(usize) -> Option<Affine>) -> Affine {
+    let mut world = IDENTITY;
+    let mut at = joint;
+    while let Some(record) = avatar.joints().get(at) {
+        let [[x, y, z, _], rotation, [u, v, w, _]] = local(at).unwrap_or_else(|| rest_of(record));
+        world = compose(&affine_of([x, y, z], rotation, [u, v, w]), &world);
+        let parent = usize::from(record.parent.get());
+        if parent >= at {
+            break;
+        }
+        at = parent;
+    }
+    world
 }
 
 pub(crate) fn copy<T: Copy>(what: &'static str, to: &mut [T], from: &[T]) -> Result<(), Error> {
@@ -75,14 +157,18 @@ pub(crate) fn copy<T: Copy>(what: &'static str, to: &mut [T], from: &[T]) -> Res
 /// Until [`to_world`] a joint's slot holds its local transform: translation, rotation, scale.
 fn rest(avatar: &Avatar<'_>, joints: &mut [Affine], weights: &mut [f32]) {
     for (slot, joint) in joints.iter_mut().zip(avatar.joints()) {
-        let [x, y, z] = joint.translation.map(|x| x.get());
-        let rotation = joint.rotation.map(|x| x.get());
-        let [u, v, w] = joint.scale.map(|x| x.get());
-        *slot = [[x, y, z, 0.0], rotation, [u, v, w, 0.0]];
+        *slot = rest_of(joint);
     }
     for (weight, target) in weights.iter_mut().zip(avatar.morph_targets()) {
         *weight = target.default_weight;
     }
+}
+
+fn rest_of(joint: &JointRecord) -> Affine {
+    let [x, y, z] = joint.translation.map(|x| x.get());
+    let rotation = joint.rotation.map(|x| x.get());
+    let [u, v, w] = joint.scale.map(|x| x.get());
+    [[x, y, z, 0.0], rotation, [u, v, w, 0.0]]
 }
 
 fn to_world(avatar: &Avatar<'_>, joints: &mut [Affine]) {
@@ -97,31 +183,44 @@ fn to_world(avatar: &Avatar<'_>, joints: &mut [Affine]) {
     }
 }
 
-fn apply(clip: &Clip<'_>, seconds: f32, joints: &mut [Affine], weights: &mut [f32]) {
+fn apply(
+    clip: &Clip<'_>,
+    seconds: f32,
+    moves: impl Fn(u16) -> bool,
+    joints: &mut [Affine],
+    weights: &mut [f32],
+) {
     for channel in clip.channels() {
-        let at = Moment::new(&channel, clip.seconds, seconds);
         match channel.property {
-            Property::Translation(joint) => {
-                if let Some([slot, _, _]) = joints.get_mut(usize::from(joint)) {
-                    *slot = at.vector(&channel);
-                }
-            }
-            Property::Rotation(joint) => {
-                if let Some([_, slot, _]) = joints.get_mut(usize::from(joint)) {
-                    *slot = at.rotation(&channel);
-                }
-            }
-            Property::Scale(joint) => {
-                if let Some([_, _, slot]) = joints.get_mut(usize::from(joint)) {
-                    *slot = at.vector(&channel);
-                }
-            }
             Property::Weight(target) => {
                 if let Some(weight) = weights.get_mut(usize::from(target)) {
-                    *weight = at.mix(&channel, 0);
+                    *weight = Moment::new(&channel, clip.seconds, seconds).mix(&channel, 0);
+                }
+            }
+            Property::Translation(joint) | Property::Rotation(joint) | Property::Scale(joint) => {
+                if moves(joint)
+                    && let Some(local) = joints.get_mut(usize::from(joint))
+                {
+                    move_joint(clip, &channel, seconds, local);
                 }
             }
         }
+    }
+}
+
+/// Puts the value of a joint's channel into its local transform.
+fn move_joint(
+    clip: &Clip<'_>,
+    channel: &Channel<'_>,
+    seconds: f32,
+    [translation, rotation, factors]: &mut Affine,
+) {
+    let at = Moment::new(channel, clip.seconds, seconds);
+    match channel.property {
+        Property::Translation(_) => *translation = at.vector(channel),
+        Property::Rotation(_) => *rotation = at.rotation(channel),
+        Property::Scale(_) => *factors = at.vector(channel),
+        Property::Weight(_) => {}
     }
 }
 

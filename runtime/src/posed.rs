@@ -1,6 +1,7 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
 use dermis_format::Avatar;
+use dermis_format::header::MAX_REGIONS;
 
 use crate::error::Error;
 use crate::extent::Extent;
@@ -10,6 +11,8 @@ use crate::frames::{FindVisible, FrameBlock, MakeFrames};
 use crate::kernel::Kernel;
 use crate::lanes::{MAX_LANES, Row};
 use crate::math::{Affine, transform};
+use crate::needed::Needed;
+use crate::plan::Plan;
 use crate::pose::{self, Pose};
 use crate::project::View;
 use crate::scratch::{Scratch, words};
@@ -21,6 +24,8 @@ pub struct Posed<'s, 'a> {
     vertices: &'s [[f32; 3]],
     frames: &'s [FrameBlock],
     kernel: Kernel,
+    /// Gaussians of each region that it was posed for; none: all.
+    counts: Option<heapless::Vec<u32, MAX_REGIONS>>,
 }
 
 impl<'s, 'a> Posed<'s, 'a> {
@@ -43,8 +48,52 @@ impl<'s, 'a> Posed<'s, 'a> {
         kernel: Kernel,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
-        let header = avatar.header();
         let mut scratch = Scratch::new(scratch, Self::scratch_len(avatar))?;
+        let all = |_: usize| true;
+        Self::of_needed(avatar, pose, 0.0, kernel, &mut scratch, all, all)
+    }
+
+    /// Words of scratch that [`Self::for_plan`] takes.
+    pub fn scratch_len_for_plan(avatar: &Avatar<'_>) -> usize {
+        Self::scratch_len(avatar).saturating_add(Needed::scratch_len(avatar))
+    }
+
+    /// Poses what a plan shows: vertices of triangles on which none of its Gaussians stands are not skinned (they are NaN),
+    /// and what [`Plan::still_below`] says stays as it rests. Drawing this plan, or one of fewer Gaussians in any region,
+    /// gives the bytes of [`Self::new`] where nothing stays still; other plans are refused with [`Error::Plan`].
+    ///
+    /// Where the plan has so many Gaussians that looking for their vertices takes longer than skinning them, all are skinned.
+    pub fn for_plan(
+        avatar: &'s Avatar<'a>,
+        pose: &Pose<'_>,
+        plan: &Plan,
+        kernel: Kernel,
+        scratch: &'s mut [u32],
+    ) -> Result<Self, Error> {
+        plan.check(avatar)?;
+        let mut scratch = Scratch::new(scratch, Self::scratch_len_for_plan(avatar))?;
+        let still_below = plan.still_below();
+        if plan.gaussians() > avatar.header().vertices / FEW {
+            let all = |_: usize| true;
+            return Self::of_needed(avatar, pose, still_below, kernel, &mut scratch, all, all);
+        }
+        let needed = Needed::of_plan(avatar, plan, &mut scratch)?;
+        let (vertex, block) = (|index| needed.vertex(index), |index| needed.block(index));
+        let posed =
+            Self::of_needed(avatar, pose, still_below, kernel, &mut scratch, vertex, block)?;
+        Ok(Self { counts: Some(plan.counts()), ..posed })
+    }
+
+    fn of_needed(
+        avatar: &'s Avatar<'a>,
+        pose: &Pose<'_>,
+        still_below: f32,
+        kernel: Kernel,
+        scratch: &mut Scratch<'s>,
+        vertex: impl Fn(usize) -> bool,
+        block: impl Fn(usize) -> bool,
+    ) -> Result<Self, Error> {
+        let header = avatar.header();
         let joints = scratch.take(usize::from(header.joints))?;
         let matrices = scratch.take(usize::from(header.binds))?;
         let weights = scratch.take(usize::from(header.morph_targets))?;
@@ -53,11 +102,19 @@ impl<'s, 'a> Posed<'s, 'a> {
         if let Pose::Vertices(given) = pose {
             pose::copy("vertices", vertices, given)?;
         } else {
-            pose::evaluate(avatar, pose, joints, matrices, weights)?;
-            skin(avatar, matrices, weights, vertices);
+            pose::evaluate(avatar, pose, still_below, joints, matrices, weights)?;
+            skin(avatar, matrices, weights, vertex, vertices);
         }
-        kernel.run(MakeFrames { avatar, vertices, blocks: &mut *frames });
-        Ok(Self { avatar, vertices, frames, kernel })
+        kernel.run(MakeFrames { avatar, vertices, blocks: &mut *frames, needed: block });
+        Ok(Self { avatar, vertices, frames, kernel, counts: None })
+    }
+
+    /// Whether all that a plan draws was posed.
+    pub(crate) fn check(&self, plan: &Plan) -> Result<(), Error> {
+        let within = |posed: &heapless::Vec<u32, MAX_REGIONS>| {
+            plan.counts().iter().zip(posed).all(|(count, posed)| count <= posed)
+        };
+        self.counts.as_ref().is_none_or(within).then_some(()).ok_or(Error::Plan)
     }
 
     /// The avatar.
@@ -116,10 +173,19 @@ impl<'s, 'a> Posed<'s, 'a> {
     }
 }
 
-/// v' = Σ wᵢ Mᵢ (v + Σ wₜ dₜ).
-fn skin(avatar: &Avatar<'_>, matrices: &[Affine], weights: &[f32], vertices: &mut [[f32; 3]]) {
+/// Gaussians of a plan that looks for its vertices, at most: a share of the mesh's vertices.
+const FEW: u32 = 2;
+
+/// v' = Σ wᵢ Mᵢ (v + Σ wₜ dₜ) of those that are needed; NaN of the others.
+fn skin(
+    avatar: &Avatar<'_>,
+    matrices: &[Affine],
+    weights: &[f32],
+    needed: impl Fn(usize) -> bool,
+    vertices: &mut [[f32; 3]],
+) {
     for (index, vertex) in vertices.iter_mut().enumerate() {
-        *vertex = avatar.vertex_position(index);
+        *vertex = if needed(index) { avatar.vertex_position(index) } else { [f32::NAN; 3] };
     }
     for (target, &weight) in avatar.morph_targets().zip(weights) {
         if weight == 0.0 {
@@ -127,6 +193,9 @@ fn skin(avatar: &Avatar<'_>, matrices: &[Affine], weights: &[f32], vertices: &mu
         }
         let factor = weight * target.step;
         for (moved, delta) in target.vertices.iter().zip(target.deltas) {
+            if !needed(moved as usize) {
+                continue;
+            }
             if let Some(vertex) = vertices.get_mut(moved as usize) {
                 for (x, code) in vertex.iter_mut().zip(delta) {
                     *x += factor * f32::from(code.get());
@@ -138,6 +207,9 @@ fn skin(avatar: &Avatar<'_>, matrices: &[Affine], weights: &[f32], vertices: &mu
         return;
     }
     for (index, vertex) in vertices.iter_mut().enumerate() {
+        if !needed(index) {
+            continue;
+        }
         let mut sum = [0.0; 3];
         for (bind, weight) in avatar.influences(index) {
             if let (1.., Some(matrix)) = (weight, matrices.get(bind as usize)) {

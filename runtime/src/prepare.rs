@@ -147,6 +147,7 @@ impl<'s> Lent<'s> {
         let (width, height) = (camera.width, camera.height);
         let avatar = posed.avatar();
         check(avatar, plan, camera)?;
+        posed.check(plan)?;
         let grid = TileGrid::new(width, height);
         let needed = Prepared::scratch_len(avatar, plan.gaussians(), width, height);
         let mut scratch = Scratch::new(scratch, needed)?;

@@ -279,6 +279,10 @@ def read_curves(b, h):
     return [density, octaves, *b.within(0, 1e6, *points)]
 
 
+def read_movements(b, h):
+    return b.within(0, 1e6, *bf16(b.column("2s", h.joints + h.morph_targets + h.clips)))
+
+
 def read_key_frames(b, h):
     frames = b.rows("Hf", b.left() // 6)
     for clip, seconds in frames:
@@ -301,6 +305,7 @@ TABLES = {
     "LAYR": (lambda h: True, lambda b, h: b.column("I", h.regions * h.layers)),
     "IMPO": (lambda h: False, read_importances),
     "CURV": (lambda h: False, read_curves),
+    "MOVE": (lambda h: False, read_movements),
     "KEYF": (lambda h: False, read_key_frames),
 }
 

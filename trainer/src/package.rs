@@ -11,6 +11,7 @@ use glam::{Affine3A, Quat};
 
 use crate::embed::regions::Regions;
 use crate::model::{ChannelTarget, Interpolation, Model};
+use crate::movements;
 use crate::optimize::cloud::{Cloud, Parameters};
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
@@ -21,6 +22,7 @@ pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 pub fn rigged_mesh(model: &Model) -> Source {
     let rest = Bounds::of(&posed_vertices(model, &Pose::rest(model)));
     let bound = !model.binds.is_empty();
+    let moves = !model.joints.is_empty() || !model.morph_targets.is_empty();
     Source {
         mesh: Mesh {
             positions: model.vertices.iter().map(|v| v.position.to_array()).collect(),
@@ -42,6 +44,7 @@ pub fn rigged_mesh(model: &Model) -> Source {
         regions: vec![Region { name: "body".into(), layers: vec![0], ..Region::default() }],
         mathematics: Mathematics::default(),
         bounds: [rest.min.to_array(), rest.max.to_array()],
+        movements: moves.then(|| movements::measure(model)),
         ..Source::default()
     }
 }

@@ -11,7 +11,7 @@ use crate::record::{
     ImportanceRecord, KeyFrameRecord, U32,
 };
 use crate::section::tag;
-use crate::source::{Gaussians, Importance, MeasuredCurves, Region, Source};
+use crate::source::{Gaussians, Importance, MeasuredCurves, MeasuredMovements, Region, Source};
 use crate::triangles;
 
 use super::discs::disc_bytes;
@@ -29,6 +29,9 @@ pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), En
     }
     if let Some(curves) = &source.curves {
         section(out, tag::CURVES, &curve_bytes(curves, source)?)?;
+    }
+    if let Some(movements) = &source.movements {
+        section(out, tag::MOVEMENTS, &movement_bytes(movements, source)?)?;
     }
     let key_frames: Vec<KeyFrameRecord> = source
         .key_frames
@@ -79,6 +82,22 @@ fn curve_bytes(curves: &MeasuredCurves, source: &Source) -> Result<Vec<u8>, Enco
     let records: Vec<CurvePointRecord> = points.iter().map(record).collect();
     let head = CurvesRecord { density: (*density).into(), octaves: *octaves };
     Ok([bytes_of(&[head]), bytes_of(&records)].concat())
+}
+
+fn movement_bytes(movements: &MeasuredMovements, source: &Source) -> Result<Vec<u8>, EncodeError> {
+    let MeasuredMovements { joints, targets, clips } = movements;
+    let (mesh, rig) = (&source.mesh, &source.rig);
+    let lens = [joints.len(), targets.len(), clips.len()];
+    let wanted = [rig.joints.len(), mesh.morph_targets.len(), rig.clips.len()];
+    let mut numbers = joints.iter().chain(targets).chain(clips);
+    if lens != wanted || !numbers.clone().all(|number| (0.0..=1e6).contains(number)) {
+        return refuse(format!(
+            "movements of {lens:?} joints, morph targets and clips: there are {wanted:?}, of 0 to 1e6"
+        ));
+    }
+    // Rounded up: what is left out must not move further than is said.
+    let records: Vec<Bf16> = numbers.by_ref().map(|&number| Bf16::at_least(number)).collect();
+    Ok(bytes_of(&records).to_vec())
 }
 
 /// Blocks of all regions, interleaved by the share of their region that stands before them: a file

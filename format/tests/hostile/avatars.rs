@@ -2,8 +2,8 @@
 
 use dermis_format::rig::Property;
 use dermis_format::source::{
-    Channel, Clip, Gaussians, Importance, Joint, Mathematics, MeasuredCurves, Mesh, Morph, Region,
-    Rig, Source,
+    Channel, Clip, Gaussians, Importance, Joint, Mathematics, MeasuredCurves, MeasuredMovements,
+    Mesh, Morph, Region, Rig, Source,
 };
 use dermis_format::{CurvePoint, Disc, DiscWidths, FrameKind, Full};
 
@@ -245,6 +245,11 @@ pub(crate) fn rigged() -> Source {
         ],
     };
     source.key_frames = vec![(None, 0.0), (Some(0), 1.5)];
+    source.movements = Some(MeasuredMovements {
+        joints: vec![1.5, 0.3],
+        targets: vec![0.26, 0.0],
+        clips: vec![2.0, 0.0],
+    });
     source
 }
 

@@ -326,7 +326,7 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
     let header = header_bytes(&header());
-    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV"];
+    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV", *b"MOVE"];
     for left_out in 0..all.len() {
         let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
         let (tag, _) = sections.remove(left_out);
@@ -374,6 +374,34 @@ fn curves_out_of_their_limits_are_refused() {
         let half = &number.to_le_bytes()[2..];
         for at in [5, 7, usual.len() - 2] {
             assert!(!parse_and_walk(&replaced(at, half)), "{number} at {at}");
+        }
+    }
+}
+
+#[test]
+fn movements_out_of_their_limits_are_refused() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let all: Vec<Section> = avatar.sections().collect();
+    let usual = all.iter().find(|s| s.tag == *b"MOVE").expect("it is there").payload.to_vec();
+    let with = |payload: &[u8]| {
+        let part =
+            |s: &Section| if s.tag == *b"MOVE" { payload.to_vec() } else { s.payload.to_vec() };
+        let sections: Vec<_> = all.iter().map(|s| (s.tag, part(s))).collect();
+        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
+        file(&header_bytes(avatar.header()), &sections)
+    };
+    assert!(parse_and_walk(&with(&usual)));
+    for len in (0..usual.len()).chain([usual.len() + 1, usual.len() + 2]) {
+        let mut payload = usual.clone();
+        payload.resize(len, 0);
+        assert!(!parse_and_walk(&with(&payload)), "{len} bytes");
+    }
+    for number in [-0.001, 1.1e6, f32::NAN, f32::INFINITY] {
+        for at in (0..usual.len()).step_by(2) {
+            let mut payload = usual.clone();
+            payload[at..at + 2].copy_from_slice(&number.to_le_bytes()[2..]);
+            assert!(!parse_and_walk(&with(&payload)), "{number} at {at}");
         }
     }
 }

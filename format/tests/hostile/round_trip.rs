@@ -3,7 +3,9 @@
 use dermis_format::quant::{Linear, last_code, quaternion_code, quaternion_value, rooted};
 use dermis_format::record::{F32, ImportanceRecord, Range, ShortRange};
 use dermis_format::rig::Property;
-use dermis_format::source::{Channel, Clip, Gaussians, Importance, MeasuredCurves, Source};
+use dermis_format::source::{
+    Channel, Clip, Gaussians, Importance, MeasuredCurves, MeasuredMovements, Source,
+};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Disc, Full, Records, order};
 use proptest::prelude::*;
@@ -175,6 +177,7 @@ proptest! {
         let channel = Channel { property: Property::Rotation(1), holds: false, values: values.clone() };
         source.rig.clips = vec![Clip { name: "c".into(), seconds: 1.0, channels: vec![channel] }];
         source.key_frames.clear();
+        source.movements = None;
         let bytes = encode(&source).unwrap();
         let avatar = Avatar::parse(&bytes).unwrap();
         let channel = avatar.clips().next().unwrap().channels().next().unwrap();
@@ -351,6 +354,30 @@ fn importances_return_and_are_written_where_there_are_any() {
     assert_eq!((avatar.importances().len(), avatar.region_weight(2)), (0, 1.0));
     source.regions[0].importance = Some(Importance { weight: f32::NAN, ..Importance::default() });
     assert!(encode(&source).unwrap_err().to_string().contains("IMPO"));
+}
+
+#[test]
+fn movements_return_rounded_up_and_are_written_where_there_are_any() {
+    let mut source = avatars::rigged();
+    let bytes = encode(&source).unwrap();
+    let found = Avatar::parse(&bytes).unwrap().movements().expect("they were written");
+    let written = source.movements.take().expect("there are some");
+    let found = [
+        written.joints.iter().zip(0..).map(|(&x, i)| (x, found.of_joint(i))).collect::<Vec<_>>(),
+        written.targets.iter().zip(0..).map(|(&x, i)| (x, found.of_target(i))).collect(),
+        written.clips.iter().zip(0..).map(|(&x, i)| (x, found.of_clip(i))).collect(),
+    ];
+    for (written, found) in found.into_iter().flatten() {
+        let found = found.expect("it is there");
+        assert!(found >= written && found <= written * (1.0 + 1.0 / 128.0), "{found} {written}");
+    }
+    let without = encode(&source).unwrap();
+    assert_eq!(without.len(), bytes.len() - 12 - 6 * 2);
+    assert!(Avatar::parse(&without).unwrap().movements().is_none());
+    for joints in [vec![], vec![1.0], vec![1.0, f32::NAN], vec![1.0, -1.0]] {
+        source.movements = Some(MeasuredMovements { joints, ..written.clone() });
+        assert!(encode(&source).unwrap_err().to_string().contains("movements"));
+    }
 }
 
 #[test]

@@ -47,6 +47,21 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
             assert_eq!(curves.point(0, octave, stop), None);
         }
     }
+    if let Some(movements) = avatar.movements() {
+        let lens = [header.joints, header.morph_targets, header.clips].map(usize::from);
+        let of = |kind: usize, index: usize| match kind {
+            0 => movements.of_joint(index),
+            1 => movements.of_target(index),
+            _ => movements.of_clip(index),
+        };
+        for (kind, len) in lens.into_iter().enumerate() {
+            for index in (0..len).chain([len, usize::MAX]) {
+                let number = of(kind, index);
+                assert_eq!(number.is_some(), index < len);
+                assert!(number.is_none_or(|number| (0.0..=1e6).contains(&number)));
+            }
+        }
+    }
     walk_rig(avatar);
     let mut gaussians = 0;
     for block in avatar.blocks() {

@@ -30,12 +30,15 @@ pub struct Budget {
     /// Gaussians blended into pixels, as the curves predict it: of a human from 8 to 1.9 m 9 to 14 % too few, nearer, where
     /// a part is out of the frame, up to 42 % too many. Infinite: as many as there are.
     pub blends: f32,
+    /// What moves less than so many pixels (root of the mean square over its surface, where the avatar is largest on the screen)
+    /// stays as it rests: [`Plan::still_below`]. 0: everything moves.
+    pub movement: f32,
 }
 
 impl Budget {
-    /// So many Gaussians, however large.
+    /// So many Gaussians, however large; everything moves.
     pub fn of_gaussians(gaussians: u32) -> Self {
-        Self { gaussians, blends: f32::INFINITY }
+        Self { gaussians, blends: f32::INFINITY, movement: 0.0 }
     }
 }
 
@@ -169,7 +172,11 @@ pub fn plan(
     }
     let (of_instances, _) = counts.as_chunks::<MAX_REGIONS>();
     for ((instance, plan), counts) in instances.iter().zip(plans).zip(of_instances) {
-        *plan = Plan::of_counts(instance.avatar, counts.iter().copied());
+        let densities = instance.footprints.iter().filter(|footprint| footprint.area > 0.0);
+        let densest = densities.fold(0.0f32, |most, footprint| most.at_least(footprint.density));
+        let still_below = if budget.movement > 0.0 { budget.movement / densest } else { 0.0 };
+        *plan =
+            Plan::of_counts(instance.avatar, counts.iter().copied()).with_still_below(still_below);
     }
     Ok(spent)
 }

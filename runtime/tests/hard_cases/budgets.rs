@@ -102,7 +102,7 @@ proptest! {
         blends in prop_oneof![Just(f32::INFINITY), 0.0f32..3e6],
     ) {
         with_instances(&scene, |instances| {
-            let budget = Budget { gaussians, blends };
+            let budget = Budget { gaussians, blends, movement: 0.0 };
             let (spent, plans) = planned(instances, &budget);
             prop_assert!(spent.gaussians <= gaussians && spent.blends <= blends, "{spent:?}");
             prop_assert_eq!(plans.iter().map(Plan::gaussians).sum::<u32>(), spent.gaussians);

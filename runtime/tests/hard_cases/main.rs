@@ -15,4 +15,5 @@ mod limits;
 mod numbers;
 mod pictures;
 mod plans;
+mod posing;
 mod scenes;

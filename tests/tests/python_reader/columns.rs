@@ -91,6 +91,12 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
 
 fn add_rig(avatar: &Avatar<'_>, columns: &mut Columns) {
     let mut add = |place: String, words: Vec<u32>| columns.insert(place, words);
+    if let Some(movements) = avatar.movements() {
+        let joints = (0..).map_while(|joint| movements.of_joint(joint));
+        let targets = (0..).map_while(|target| movements.of_target(target));
+        let clips = (0..).map_while(|clip| movements.of_clip(clip));
+        add("MOVE".into(), bits(joints.chain(targets).chain(clips)).collect());
+    }
     let mut joints = Vec::new();
     for joint in avatar.joints() {
         joints.push(joint.parent.get().into());

@@ -1,0 +1,172 @@
+//! How far joints and morph targets move the mesh, and how fast clips do: what the runtime may leave out where nobody sees it.
+
+use dermis_format::source::MeasuredMovements;
+use glam::{Affine3A, Vec3};
+use rayon::prelude::*;
+
+use crate::model::{Bind, Model, MorphTarget, Vertex};
+use crate::scene::{Pose, posed_vertices};
+
+/// Moments of a clip that are looked at, each second and at most.
+const MOMENTS_PER_SECOND: f32 = 10.0;
+const MOST_MOMENTS: usize = 64;
+/// Over which speed is measured, seconds.
+const INSTANT: f32 = 1.0 / 30.0;
+
+/// Measures all joints, morph targets and clips of a model.
+pub fn measure(model: &Model) -> MeasuredMovements {
+    let areas = vertex_areas(model);
+    let poses: Vec<Pose> = (0..model.clips.len())
+        .flat_map(|clip| moments(model.clips[clip].seconds).map(move |seconds| (clip, seconds)))
+        .map(|(clip, seconds)| Pose::of_clip(model, clip, seconds))
+        .collect();
+    let rest = Pose::rest(model);
+    let greatest = |joint: usize| {
+        let below = Below::new(model, joint);
+        poses.iter().map(|pose| below.error(model, pose, &rest, &areas)).fold(0.0, f32::max)
+    };
+    let joints = (0..model.joints.len()).into_par_iter().map(greatest).collect();
+    let targets = model.morph_targets.iter().map(|target| length(target, &areas)).collect();
+    let clips = (0..model.clips.len()).into_par_iter().map(|clip| speed(model, clip, &areas));
+    MeasuredMovements { joints, targets, clips: clips.collect() }
+}
+
+/// Moments of a clip of this length, both ends among them.
+fn moments(seconds: f32) -> impl Iterator<Item = f32> {
+    let steps = ((seconds * MOMENTS_PER_SECOND).ceil() as usize).clamp(1, MOST_MOMENTS - 1);
+    (0..=steps).map(move |step| seconds * step as f32 / steps as f32)
+}
+
+/// A third of the triangles around each vertex at rest, square metres.
+fn vertex_areas(model: &Model) -> Vec<f64> {
+    let vertices = posed_vertices(model, &Pose::rest(model));
+    let mut areas = vec![0.0; vertices.len()];
+    for triangle in &model.triangles {
+        let [a, b, c] = triangle.corners.map(|corner| vertices[corner as usize]);
+        let area = f64::from(0.5 * (b - a).cross(c - a).length());
+        triangle.corners.iter().for_each(|&corner| areas[corner as usize] += area / 3.0);
+    }
+    areas
+}
+
+/// Root of the weighted mean of squares; 0 of no weight.
+fn rms(squares: impl Iterator<Item = (f64, f32)>) -> f32 {
+    let (sum, weight) =
+        squares.fold((0.0, 0.0), |(sum, all), (w, square)| (sum + w * f64::from(square), all + w));
+    // No file holds more.
+    if weight > 0.0 { ((sum / weight).sqrt() as f32).min(1e6) } else { 0.0 }
+}
+
+/// A joint with all below it, and the vertices on which they weigh.
+struct Below {
+    /// Whether a joint is one of them.
+    joints: Vec<bool>,
+    /// Vertices and the share of their weight.
+    vertices: Vec<(usize, f32)>,
+}
+
+impl Below {
+    fn new(model: &Model, joint: usize) -> Self {
+        let mut joints = vec![false; model.joints.len()];
+        for index in joint..joints.len() {
+            // Parents stand before their children.
+            let parent = model.joints[index].parent;
+            joints[index] = index == joint || parent.is_some_and(|p| joints[usize::from(p)]);
+        }
+        let is_below = |bind: u16| joints[usize::from(model.binds[usize::from(bind)].joint)];
+        let share = |vertex: &Vertex| -> f32 {
+            let influences = vertex.influences.iter();
+            influences.filter(|&&(bind, w)| w != 0.0 && is_below(bind)).map(|&(_, w)| w).sum()
+        };
+        let vertices = if model.binds.is_empty() { &[][..] } else { &model.vertices };
+        let vertices = vertices.iter().map(share).enumerate().filter(|&(_, share)| share > 0.0);
+        Self { vertices: vertices.collect(), joints }
+    }
+
+    /// How far their vertices are from where `pose` has them if these joints alone stay at rest, metres.
+    fn error(&self, model: &Model, pose: &Pose, rest: &Pose, areas: &[f64]) -> f32 {
+        let mut still = pose.clone();
+        for (index, _) in self.joints.iter().enumerate().filter(|(_, below)| **below) {
+            still.locals[index] = rest.locals[index];
+        }
+        if still.locals == pose.locals {
+            return 0.0;
+        }
+        let [now, still] = [pose, &still].map(|pose| {
+            let worlds = pose.joint_worlds(model);
+            let bind = |bind: &Bind| worlds[usize::from(bind.joint)] * bind.inverse;
+            model.binds.iter().map(bind).collect::<Vec<Affine3A>>()
+        });
+        rms(self.vertices.iter().map(|&(index, share)| {
+            let vertex = &model.vertices[index];
+            // Morph targets are small beside what joints do.
+            let moved: Vec3 = vertex
+                .influences
+                .iter()
+                .filter(|&&(_, weight)| weight != 0.0)
+                .map(|&(bind, weight)| {
+                    let [a, b] = [&now, &still]
+                        .map(|moves| moves[usize::from(bind)].transform_point3(vertex.position));
+                    weight * (a - b)
+                })
+                .sum();
+            (areas[index] * f64::from(share), moved.length_squared())
+        }))
+    }
+}
+
+fn length(target: &MorphTarget, areas: &[f64]) -> f32 {
+    let deltas = target.deltas.iter();
+    rms(deltas.map(|&(vertex, delta)| (areas[vertex as usize], delta.length_squared())))
+}
+
+/// Of the fastest moment, m/s.
+fn speed(model: &Model, clip: usize, areas: &[f64]) -> f32 {
+    let end = (model.clips[clip].seconds - INSTANT).max(0.0);
+    let at = |seconds: f32| posed_vertices(model, &Pose::of_clip(model, clip, seconds));
+    let speed = |seconds: f32| {
+        let (before, after) = (at(seconds), at(seconds + INSTANT));
+        let squares = before.iter().zip(&after).map(|(a, b)| (*a - *b).length_squared());
+        rms(areas.iter().copied().zip(squares)) / INSTANT
+    };
+    moments(end).map(speed).fold(0.0, f32::max).min(1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::demo::demo_avatar;
+
+    #[test]
+    fn joints_of_the_demo_move_as_far_as_they_should() {
+        let model = demo_avatar();
+        let movements = measure(&model);
+        assert_eq!(movements.joints.len(), model.joints.len());
+        let of = |name: &str| {
+            let joint = model.joints.iter().position(|joint| joint.name == name);
+            movements.joints[joint.expect("it is there")]
+        };
+        for (index, joint) in model.joints.iter().enumerate() {
+            let moved = movements.joints[index];
+            assert!((0.0..3.0).contains(&moved), "{} {moved}", joint.name);
+        }
+        // It waves with its right arm; its left hand follows the forearm.
+        assert!(of("upper_arm_right") > of("forearm_right"), "{movements:?}");
+        assert!(of("forearm_right") > of("hand_right"), "{movements:?}");
+        assert!(of("hand_right") > 0.01 && of("hand_left") == 0.0, "{movements:?}");
+        assert!(movements.clips.iter().all(|&speed| speed > 0.05 && speed < 10.0));
+    }
+
+    #[test]
+    fn what_a_root_moves_is_as_far_off_as_it_moved() {
+        let model = demo_avatar();
+        let rest = Pose::rest(&model);
+        let root = Below::new(&model, 0);
+        let mut moved = rest.clone();
+        moved.locals[0].translation.x += 0.25;
+        let areas = vertex_areas(&model);
+        assert!((root.error(&model, &moved, &rest, &areas) - 0.25).abs() < 1e-4);
+        assert_eq!(root.error(&model, &rest, &rest, &areas), 0.0);
+        assert_eq!(root.vertices.len(), model.vertices.len());
+    }
+}
