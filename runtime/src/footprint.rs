@@ -14,7 +14,7 @@ use dermis_format::{Avatar, FrameKind};
 use crate::camera::Camera;
 use crate::extent::Extent;
 use crate::frame::Frame;
-use crate::frames::FrameBlock;
+use crate::frames::{FrameBlock, Frames};
 use crate::frustum::Frustum;
 use crate::kernel::Work;
 use crate::lanes::{Lanes, MAX_LANES};
@@ -189,7 +189,7 @@ pub fn covered<R: Real>(frame: &Frame<R>, kind: FrameKind, view: &View<R>) -> Co
 /// Adds up what the triangles cover that show something.
 pub(crate) struct AddFootprints<'s, 'a> {
     pub(crate) avatar: &'s Avatar<'a>,
-    pub(crate) blocks: &'s [FrameBlock],
+    pub(crate) frames: Frames<'s>,
     pub(crate) view: &'s View<f32>,
     pub(crate) extent: Extent,
     /// From one run of sixteen triangles to the next that is looked at.
@@ -202,7 +202,7 @@ impl Work for AddFootprints<'_, '_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) {
-        let Self { avatar, blocks, view, extent, stride, sums } = self;
+        let Self { avatar, frames, view, extent, stride, sums } = self;
         let kind = avatar.header().frame;
         let frustum = Frustum::of(view).map(
             #[inline(always)]
@@ -217,8 +217,11 @@ impl Work for AddFootprints<'_, '_> {
         let square_focal = V::splat(token, (fx * fy).abs());
         let [width, height] = view.size();
         let (zero, whole) = (V::splat(token, 0.0), V::splat(token, width * height));
-        let mut index = 0;
-        while let Some(block) = blocks.get(index) {
+        let mut next = 0;
+        while next < frames.blocks() {
+            let index = next;
+            next += stride.max(1);
+            let Some((block, made)) = frames.block(index) else { continue };
             let two_sided = u32::from(avatar.two_sided_of_sixteen(index));
             // Each lane of the sixteen has sums of its own, so that they do not depend on how many are added at once.
             let mut numbers = [[0.0; MAX_LANES]; 5];
@@ -229,7 +232,8 @@ impl Work for AddFootprints<'_, '_> {
                 let misses = frustum.misses(frame.origin, reach * offset, reach * sigma);
                 let Covered { area, center: [x, y, z] } = covered(&frame, kind, &vectors);
                 let back = of_lanes::<V>(token, two_sided >> at);
-                let shows = exists & !misses & (zero.below(area) | zero.below(back));
+                let framed = zero.below(of_lanes::<V>(token, made >> at));
+                let shows = exists & framed & !misses & (zero.below(area) | zero.below(back));
                 let area = V::select(shows, area.abs().at_most(whole), zero);
                 let square_density = square_focal / (z * z);
                 let all = [area, area * square_density, area * x, area * y, area * z];
@@ -241,7 +245,6 @@ impl Work for AddFootprints<'_, '_> {
                 at += V::LEN;
             }
             sums.add(avatar, MAX_LANES * index, &numbers);
-            index += stride.max(1);
         }
     }
 }

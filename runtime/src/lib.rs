@@ -63,6 +63,7 @@ pub mod rate;
 mod scratch;
 pub mod screen;
 pub mod select;
+mod skin;
 mod sort;
 pub mod tiles;
 

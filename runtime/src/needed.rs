@@ -10,6 +10,7 @@ use crate::scratch::Scratch;
 use crate::select::for_each_block;
 
 /// What a plan needs of a mesh.
+#[derive(Clone, Copy)]
 pub(crate) struct Needed<'s> {
     /// Bit v % 32 of word v / 32 is vertex v.
     vertices: &'s [u32],
@@ -59,8 +60,8 @@ impl<'s> Needed<'s> {
         word.is_some_and(|word| word >> (index % u32::BITS as usize) & 1 == 1)
     }
 
-    /// Whether one stands on any triangle of a block of frames.
-    pub(crate) fn block(&self, index: usize) -> bool {
-        self.triangles.get(index).is_some_and(|&word| word != 0)
+    /// Bit t % 16 of word t / 16: whether one stands on triangle t.
+    pub(crate) fn triangles(&self) -> &'s [u32] {
+        self.triangles
     }
 }

@@ -7,22 +7,23 @@ use crate::error::Error;
 use crate::extent::Extent;
 use crate::footprint::{AddFootprints, RegionSums};
 use crate::frame::Frame;
-use crate::frames::{FindVisible, FrameBlock, MakeFrames};
+use crate::frames::{FindVisible, FrameBlock, Frames, MakeFrames, MakeSomeFrames};
 use crate::kernel::Kernel;
-use crate::lanes::{MAX_LANES, Row};
-use crate::math::{Affine, transform};
+use crate::lanes::Row;
+use crate::math::Affine;
 use crate::needed::Needed;
 use crate::plan::Plan;
 use crate::pose::{self, Pose};
 use crate::project::View;
 use crate::scratch::{Scratch, words};
+use crate::skin::Moving;
 
 /// An avatar in a pose. Made once for all cameras.
 #[derive(Debug)]
 pub struct Posed<'s, 'a> {
     avatar: &'s Avatar<'a>,
     vertices: &'s [[f32; 3]],
-    frames: &'s [FrameBlock],
+    frames: Frames<'s>,
     kernel: Kernel,
     /// Gaussians of each region that it was posed for; none: all.
     counts: Option<heapless::Vec<u32, MAX_REGIONS>>,
@@ -49,8 +50,7 @@ impl<'s, 'a> Posed<'s, 'a> {
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
         let mut scratch = Scratch::new(scratch, Self::scratch_len(avatar))?;
-        let all = |_: usize| true;
-        Self::of_needed(avatar, pose, 0.0, kernel, &mut scratch, all, all)
+        Self::of_needed(avatar, pose, 0.0, kernel, &mut scratch, None)
     }
 
     /// Words of scratch that [`Self::for_plan`] takes.
@@ -72,16 +72,11 @@ impl<'s, 'a> Posed<'s, 'a> {
     ) -> Result<Self, Error> {
         plan.check(avatar)?;
         let mut scratch = Scratch::new(scratch, Self::scratch_len_for_plan(avatar))?;
-        let still_below = plan.still_below();
-        if plan.gaussians() > avatar.header().vertices / FEW {
-            let all = |_: usize| true;
-            return Self::of_needed(avatar, pose, still_below, kernel, &mut scratch, all, all);
-        }
-        let needed = Needed::of_plan(avatar, plan, &mut scratch)?;
-        let (vertex, block) = (|index| needed.vertex(index), |index| needed.block(index));
+        let few = plan.gaussians() <= avatar.header().vertices / FEW;
+        let needed = few.then(|| Needed::of_plan(avatar, plan, &mut scratch)).transpose()?;
         let posed =
-            Self::of_needed(avatar, pose, still_below, kernel, &mut scratch, vertex, block)?;
-        Ok(Self { counts: Some(plan.counts()), ..posed })
+            Self::of_needed(avatar, pose, plan.still_below(), kernel, &mut scratch, needed)?;
+        Ok(Self { counts: few.then(|| plan.counts()), ..posed })
     }
 
     fn of_needed(
@@ -90,22 +85,37 @@ impl<'s, 'a> Posed<'s, 'a> {
         still_below: f32,
         kernel: Kernel,
         scratch: &mut Scratch<'s>,
-        vertex: impl Fn(usize) -> bool,
-        block: impl Fn(usize) -> bool,
+        needed: Option<Needed<'s>>,
     ) -> Result<Self, Error> {
         let header = avatar.header();
         let joints = scratch.take(usize::from(header.joints))?;
         let matrices = scratch.take(usize::from(header.binds))?;
         let weights = scratch.take(usize::from(header.morph_targets))?;
         let vertices = scratch.take(header.vertices as usize)?;
-        let frames = scratch.take(FrameBlock::count(header.triangles))?;
-        if let Pose::Vertices(given) = pose {
+        let blocks = scratch.take(FrameBlock::count(header.triangles))?;
+        let moving = if let Pose::Vertices(given) = pose {
             pose::copy("vertices", vertices, given)?;
+            None
         } else {
             pose::evaluate(avatar, pose, still_below, joints, matrices, weights)?;
-            skin(avatar, matrices, weights, vertex, vertices);
+            Some(Moving { matrices, weights })
+        };
+        match needed {
+            None => {
+                if let Some(moving) = moving {
+                    moving.skin(avatar, |_| true, vertices);
+                }
+                kernel.run(MakeFrames { avatar, vertices, blocks: &mut *blocks });
+            }
+            Some(needed) => {
+                if let Some(moving) = moving {
+                    moving.skin(avatar, |index| needed.vertex(index), vertices);
+                }
+                let (blocks, needed) = (&mut *blocks, needed.triangles());
+                kernel.run(MakeSomeFrames { avatar, vertices, blocks, needed });
+            }
         }
-        kernel.run(MakeFrames { avatar, vertices, blocks: &mut *frames, needed: block });
+        let frames = Frames::new(blocks, needed.map(|needed| needed.triangles()));
         Ok(Self { avatar, vertices, frames, kernel, counts: None })
     }
 
@@ -141,15 +151,14 @@ impl<'s, 'a> Posed<'s, 'a> {
     /// [`Frame::rows`] of a triangle, all zero where it has no frame.
     #[inline(always)]
     pub(crate) fn frame_rows(&self, triangle: u32) -> Option<[&'s Row; 3]> {
-        let block = self.frames.get(triangle as usize / MAX_LANES)?;
-        Some(block.rows(triangle as usize % MAX_LANES))
+        self.frames.rows(triangle)
     }
 
     /// Finds the triangles on which Gaussians of `extent` show something to a camera; see
     /// [`FindVisible`].
     pub(crate) fn find_visible(&self, view: &View<f32>, extent: Extent, visible: &mut [u32]) {
-        let Self { avatar, frames: blocks, kernel, .. } = *self;
-        kernel.run(FindVisible { avatar, blocks, view, extent, visible });
+        let Self { avatar, frames, kernel, .. } = *self;
+        kernel.run(FindVisible { avatar, frames, view, extent, visible });
     }
 
     /// Adds up what the triangles of each region cover of a camera's picture.
@@ -160,8 +169,8 @@ impl<'s, 'a> Posed<'s, 'a> {
         stride: usize,
         sums: &mut RegionSums,
     ) {
-        let Self { avatar, frames: blocks, kernel, .. } = *self;
-        kernel.run(AddFootprints { avatar, blocks, view, extent, stride, sums });
+        let Self { avatar, frames, kernel, .. } = *self;
+        kernel.run(AddFootprints { avatar, frames, view, extent, stride, sums });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back
@@ -175,49 +184,3 @@ impl<'s, 'a> Posed<'s, 'a> {
 
 /// Gaussians of a plan that looks for its vertices, at most: a share of the mesh's vertices.
 const FEW: u32 = 2;
-
-/// v' = Σ wᵢ Mᵢ (v + Σ wₜ dₜ) of those that are needed; NaN of the others.
-fn skin(
-    avatar: &Avatar<'_>,
-    matrices: &[Affine],
-    weights: &[f32],
-    needed: impl Fn(usize) -> bool,
-    vertices: &mut [[f32; 3]],
-) {
-    for (index, vertex) in vertices.iter_mut().enumerate() {
-        *vertex = if needed(index) { avatar.vertex_position(index) } else { [f32::NAN; 3] };
-    }
-    for (target, &weight) in avatar.morph_targets().zip(weights) {
-        if weight == 0.0 {
-            continue;
-        }
-        let factor = weight * target.step;
-        for (moved, delta) in target.vertices.iter().zip(target.deltas) {
-            if !needed(moved as usize) {
-                continue;
-            }
-            if let Some(vertex) = vertices.get_mut(moved as usize) {
-                for (x, code) in vertex.iter_mut().zip(delta) {
-                    *x += factor * f32::from(code.get());
-                }
-            }
-        }
-    }
-    if matrices.is_empty() {
-        return;
-    }
-    for (index, vertex) in vertices.iter_mut().enumerate() {
-        if !needed(index) {
-            continue;
-        }
-        let mut sum = [0.0; 3];
-        for (bind, weight) in avatar.influences(index) {
-            if let (1.., Some(matrix)) = (weight, matrices.get(bind as usize)) {
-                let weight = f32::from(weight) * (1.0 / 255.0);
-                let moved = transform(matrix, *vertex);
-                sum.iter_mut().zip(moved).for_each(|(sum, x)| *sum += weight * x);
-            }
-        }
-        *vertex = sum;
-    }
-}

@@ -8,7 +8,7 @@ use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_at_level;
 use dermis_trainer::options::Options;
-use dermis_trainer::reproduce::{Measure, formats, lapisgs, lodavatar};
+use dermis_trainer::reproduce::{Measure, face_lod, formats, lapisgs, lodavatar};
 
 const MEASURE: Measure = Measure { key_frames: 1, views: 2 };
 
@@ -89,6 +89,29 @@ fn formats_hold_the_same_gaussians() {
     let packed = of("dermis, packed");
     assert!(packed.bytes < of("dermis").bytes && packed.gaussian_bytes < packed.bytes);
     assert_eq!(packed.psnr_to_floats_db, of("dermis").psnr_to_floats_db);
+}
+
+#[test]
+fn levels_of_a_face_go_from_all_to_nothing() {
+    // Enough that far away the first level is as good as all.
+    let options = Options { steps: 200, ..tiny(2000) };
+    let table = face_lod::table(&demo_avatar(), &options).expect("it can be measured");
+    assert_eq!(table.clips.len(), 2);
+    let levels = &table.levels;
+    let [first, .., last] = &levels[..] else { panic!("{table:?}") };
+    assert!(levels.is_sorted_by(|near, far| {
+        far.distance_m == 2.0 * near.distance_m
+            && near.gaussians >= far.gaussians
+            && near.joints >= far.joints
+            && near.targets >= far.targets
+    }));
+    assert!(first.vertices > last.vertices && first.triangles > last.triangles, "{table:?}");
+    assert!(first.animation_ms.iter().all(|&ms| ms > 0.0));
+    assert!(first.least_psnr_db > 40.0, "{table:?}");
+    assert_eq!((last.joints, last.targets, &last.animation_ms), (0, 0, &vec![0.0, 0.0]));
+    let mut still = demo_avatar();
+    still.clips.clear();
+    assert!(face_lod::table(&still, &tiny(640)).is_err());
 }
 
 #[test]

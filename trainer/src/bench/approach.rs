@@ -26,11 +26,30 @@ pub struct Step {
     pub blends_foretold: f64,
 }
 
-/// The pictures of one budget.
+/// How plans are made on the way.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Way {
+    /// Gaussians of a plan at most, in the first half.
+    pub budget: u32,
+    /// In the second half.
+    pub later_budget: u32,
+    /// No region has more than so many times as many as in the picture before ([`Plan::rising_from`]); none: what a plan alone
+    /// has.
+    pub rising: Option<f32>,
+}
+
+impl Way {
+    /// One budget on the whole way, each plan for itself.
+    pub fn of_budget(budget: u32) -> Self {
+        Self { budget, later_budget: budget, rising: None }
+    }
+}
+
+/// The pictures of one way.
 #[derive(Clone, Debug, Serialize)]
 pub struct Approach {
-    /// Gaussians of a plan at most.
-    pub budget: u32,
+    /// Which.
+    pub way: Way,
     /// From afar to near.
     pub steps: Vec<Step>,
 }
@@ -41,10 +60,17 @@ impl Approach {
         let greatest = |of: fn(&Step) -> f64| self.steps.iter().map(of).fold(0.0, f64::max);
         greatest(|step| step.change_8bit) / greatest(|step| step.change_of_all_8bit).max(1e-9)
     }
+
+    /// Pictures, from where the budget changes on, until plans have as many Gaussians as their budget, or stop rising.
+    pub fn pictures_to_rise(&self) -> usize {
+        let later = &self.steps[self.steps.len() / 2..];
+        let most = later.iter().map(|step| step.gaussians).max().unwrap_or(0);
+        later.iter().position(|step| step.gaussians == most).unwrap_or(0)
+    }
 }
 
 /// Draws `pictures` pictures of a posed avatar from in front, from `far` to `near` metres, each nearer than the one before
-/// by the same share: by a plan of each budget, and all Gaussians.
+/// by the same share: by the plans of each way, and all Gaussians.
 ///
 /// # Errors
 ///
@@ -53,7 +79,7 @@ pub fn measure(
     avatar: &Avatar<'_>,
     pose: &Pose<'_>,
     [width, height]: [u32; 2],
-    budgets: &[u32],
+    ways: &[Way],
     [far, near]: [f32; 2],
     pictures: u32,
 ) -> Result<Vec<Approach>> {
@@ -61,7 +87,8 @@ pub fn measure(
     let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
     let all = Plan::with_budget(avatar, u32::MAX);
     let mut approaches: Vec<Approach> =
-        budgets.iter().map(|&budget| Approach { budget, steps: Vec::new() }).collect();
+        ways.iter().map(|&way| Approach { way, steps: Vec::new() }).collect();
+    let mut plans: Vec<Option<Plan>> = vec![None; ways.len()];
     let mut before: Option<Vec<Vec<u8>>> = None;
     let bar = progress::bar("coming nearer", u64::from(pictures));
     for picture in 0..pictures {
@@ -72,8 +99,13 @@ pub fn measure(
         let pose = Pose::Vertices(posed.vertices());
         // All Gaussians come first.
         let mut now = vec![draw(avatar, &pose, &all, &camera, WHITE)?.rgba];
-        for approach in &mut approaches {
-            let (plan, spent) = planned(&posed, &camera, &Budget::of_gaussians(approach.budget))?;
+        for (approach, last) in approaches.iter_mut().zip(&mut plans) {
+            let Way { budget, later_budget, rising } = approach.way;
+            let budget = if 2 * picture < pictures { budget } else { later_budget };
+            let (mut plan, spent) = planned(&posed, &camera, &Budget::of_gaussians(budget))?;
+            if let (Some(factor), Some(last)) = (rising, last.as_ref()) {
+                plan = plan.rising_from(avatar, last, factor);
+            }
             let drawn = draw(avatar, &pose, &plan, &camera, WHITE)?;
             now.push(drawn.rgba);
             let change = |of: usize| before.as_ref().map_or(0.0, |b| change(&b[of], &now[of]));
@@ -85,6 +117,7 @@ pub fn measure(
                 blends_foretold: f64::from(spent.blends)
                     / drawn.statistics.counts.blends.max(1) as f64,
             });
+            *last = Some(plan);
         }
         before = Some(now);
         bar.inc(1);

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use dermis_runtime::{Avatar, Camera, Kernel};
-use dermis_trainer::bench::approach::{self, Approach};
+use dermis_trainer::bench::approach::{self, Approach, Way};
 use dermis_trainer::bench::approximations::Source;
 use dermis_trainer::bench::once::draw_once;
 use dermis_trainer::bench::stages::Scene;
@@ -62,8 +62,8 @@ pub(crate) struct Arguments {
     /// Pack the avatar, and measure what unpacking takes, --runs times.
     #[arg(long, conflicts_with_all = ["training", "camera", "distance", "kernel", "budget", "size", "approximations", "svg"])]
     unpacking: bool,
-    /// Let a camera come from 8 m to 1 m in --runs pictures, by a plan of each --budget: what changes from one to the next
-    /// beside all Gaussians, and how well blends are foretold.
+    /// Let a camera come from 8 m to 1 m in --runs pictures, by a plan of each --budget, and of the first one that becomes the
+    /// last one half way: what changes from one to the next beside all Gaussians, and how well blends are foretold.
     #[arg(long, conflicts_with_all = ["scene", "training", "unpacking", "camera", "distance", "kernel", "approximations", "svg"])]
     approach: bool,
     /// Draw both eyes of a headset, 63 mm apart, --runs times, and show what the second one costs.
@@ -98,6 +98,8 @@ const KERNELS: [&str; 8] = ["all", "scalar", "sse2", "sse4.2", "avx2", "avx512",
 /// Where a camera that comes nearer begins and ends, metres.
 const FAR: f32 = 8.0;
 const NEAR: f32 = 1.0;
+/// By which counts rise from picture to picture where a budget does.
+const RISING: f32 = 1.1;
 /// From where a made figure is seen, metres.
 const DISTANCE: f32 = 2.0;
 
@@ -174,10 +176,10 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         let Some(&Size(width, height)) = arguments.size.first() else {
             super::misuse("give --size WxH")
         };
-        let budgets = budgets(&avatar, arguments);
-        let way = [FAR, NEAR];
+        let ways = ways(&budgets(&avatar, arguments));
+        let size = [width, height];
         let approaches =
-            approach::measure(&avatar, &pose, [width, height], &budgets, way, arguments.runs)
+            approach::measure(&avatar, &pose, size, &ways, [FAR, NEAR], arguments.runs)
                 .with_context(|| name.clone())?;
         let report =
             ApproachReport { avatar: name, cpu: machine::cpu(), width, height, approaches };
@@ -262,6 +264,16 @@ fn once(avatar: &Avatar<'_>, arguments: &Arguments) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Each budget on the whole way, and from the first to the last one half way: at once, and rising.
+fn ways(budgets: &[u32]) -> Vec<Way> {
+    let mut ways: Vec<Way> = budgets.iter().map(|&budget| Way::of_budget(budget)).collect();
+    if let [first, .., last] = *budgets {
+        let stepping = |rising| Way { budget: first, later_budget: last, rising };
+        ways.extend([None, Some(RISING)].map(stepping));
+    }
+    ways
 }
 
 fn budgets(avatar: &Avatar<'_>, arguments: &Arguments) -> Vec<u32> {

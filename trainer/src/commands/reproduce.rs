@@ -12,14 +12,14 @@ use dermis_trainer::eval::Row;
 use dermis_trainer::import;
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{MAX_LOSS_DB, Options, Preset};
-use dermis_trainer::reproduce::{self, Measure, formats, lapisgs, lodavatar};
+use dermis_trainer::reproduce::{self, Measure, face_lod, formats, lapisgs, lodavatar};
 use serde::Serialize;
 
 use crate::Common;
 
 #[derive(clap::Args)]
 pub(crate) struct Arguments {
-    /// Whose tables: LoDAvatar's 1 and 2, LapisGS' 1 and 5, or files of several formats.
+    /// Whose tables: LoDAvatar's 1 and 2, LapisGS' 1 and 5, table 1 of levels of detail for faces, or files of several formats.
     #[arg(value_enum)]
     paper: Paper,
     /// A rigged mesh: GLB, glTF or OBJ.
@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     /// Width and height of the pictures, px [default: of the preset].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
-    /// lapisgs, formats: Gaussians of the finest level.
+    /// lapisgs, face-lod, formats: Gaussians of the finest level.
     #[arg(long, default_value_t = 75_000, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
     gaussians: u32,
     /// What the few bits of the file's numbers may cost a level, dB.
@@ -63,6 +63,8 @@ enum Paper {
     Lodavatar,
     /// Layers on an image pyramid, and its rivals.
     Lapisgs,
+    /// What a face takes to animate and to draw, from near to far.
+    FaceLod,
     /// The same Gaussians as PLY, .splat, SPZ and .dermis.
     Formats,
 }
@@ -74,6 +76,15 @@ struct OfFormats {
     threads: usize,
     #[serde(flatten)]
     table: formats::Table,
+}
+
+/// What `--json` prints of levels of detail for faces.
+#[derive(Serialize)]
+struct OfFaceLod {
+    cpu: String,
+    threads: usize,
+    #[serde(flatten)]
+    table: face_lod::Table,
 }
 
 /// What `--json` prints.
@@ -126,6 +137,12 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
             let report = report(&options, entries.with_context(named)?);
             super::print(common, &report, of_lapisgs)
         }
+        Paper::FaceLod => {
+            let table = face_lod::table(&model, &options).with_context(named)?;
+            let report =
+                OfFaceLod { cpu: machine::cpu(), threads: rayon::current_num_threads(), table };
+            super::print(common, &report, of_face_lod)
+        }
         Paper::Formats => {
             print_formats(common, formats::of_mesh(&model, &options).with_context(named)?)
         }
@@ -145,6 +162,43 @@ fn of_splats(arguments: &Arguments, common: &Common) -> Result<()> {
 fn print_formats(common: &Common, table: formats::Table) -> Result<()> {
     let report = OfFormats { cpu: machine::cpu(), threads: rayon::current_num_threads(), table };
     super::print(common, &report, text_of_formats)
+}
+
+fn of_face_lod(report: &OfFaceLod) -> String {
+    let OfFaceLod { cpu, threads, table } = report;
+    let face_lod::Table { clips, triangles, vertices, size, seconds, whole_animation_ms, levels } =
+        table;
+    let ms = |times: &[f64]| times.iter().map(|ms| format!("{ms:.3}")).collect::<Vec<_>>();
+    let mut out = format!(
+        "{triangles} triangles, {vertices} vertices, {size}x{size}; {cpu}; one thread, ms of {}; {threads} threads trained for {seconds:.0} s\nposing all of it takes {} at most in {}\n",
+        Clock::ONE_THREAD.measures(),
+        ms(whole_animation_ms).join(" and "),
+        clips.join(" and "),
+    );
+    let mut headings: Vec<&str> = vec![
+        "metres",
+        "px tall",
+        "Gaussians",
+        "triangles",
+        "vertices",
+        "joints",
+        "targets",
+        "render",
+    ];
+    headings.extend(clips.iter().map(String::as_str));
+    headings.push("least dB");
+    let row = |level: &face_lod::Level| {
+        let mut cells = vec![format!("{:.2}", level.distance_m), format!("{:.1}", level.height_px)];
+        let counts = [level.triangles, level.vertices, level.joints, level.targets];
+        cells.push(level.gaussians.to_string());
+        cells.extend(counts.map(|count| count.to_string()));
+        cells.push(format!("{:.2}", level.render_ms));
+        cells.extend(ms(&level.animation_ms));
+        cells.push(format!("{:.1}", level.least_psnr_db));
+        cells
+    };
+    out += &aligned(&headings, &levels.iter().map(row).collect::<Vec<_>>());
+    out
 }
 
 fn text_of_formats(report: &OfFormats) -> String {

@@ -1,9 +1,10 @@
 //! Tables for a given mesh: every row is trained, written and measured here.
 //!
 //! [`lodavatar`] makes tables 1 and 2 of LoDAvatar, [`lapisgs`] tables 1 and 5 of LapisGS. Figures are means over
-//! pictures drawn by the runtime from each row's file, as in [`mod@crate::eval`]. [`formats`] puts the same Gaussians into
-//! files of several formats.
+//! pictures drawn by the runtime from each row's file, as in [`mod@crate::eval`]. [`face_lod`] makes
+//! table 1 of levels of detail for faces, [`formats`] puts the same Gaussians into files of several formats.
 
+pub mod face_lod;
 pub mod formats;
 pub mod lapisgs;
 pub mod lodavatar;

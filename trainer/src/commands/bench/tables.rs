@@ -1,7 +1,7 @@
 //! What `dermis bench` prints for people.
 
 use dermis_trainer::bench::Bench;
-use dermis_trainer::bench::approach::Approach;
+use dermis_trainer::bench::approach::Way;
 use dermis_trainer::bench::approximations::Approximations;
 use dermis_trainer::bench::clock::Clock;
 use dermis_trainer::bench::row::Row;
@@ -18,10 +18,11 @@ pub(super) fn approach(report: &ApproachReport) -> String {
     );
     let headings = ["budget", "metres", "Gaussians", "change", "of all", "blends foretold/done"];
     let mut rows = Vec::new();
-    for Approach { budget, steps } in approaches {
+    for approach in approaches {
+        let steps = &approach.steps;
         for step in steps.iter().step_by(steps.len().div_ceil(10).max(1)) {
             rows.push(vec![
-                budget.to_string(),
+                budget(&approach.way),
                 format!("{:.2}", step.distance_m),
                 step.gaussians.to_string(),
                 format!("{:.2}", step.change_8bit),
@@ -32,10 +33,23 @@ pub(super) fn approach(report: &ApproachReport) -> String {
     }
     out += &aligned(&headings, &rows);
     for approach in approaches {
-        let (budget, ratio) = (approach.budget, approach.greatest_change_to_all());
-        out += &format!("{budget}: greatest change to that of all {ratio:.3}\n");
+        let (way, ratio) = (&approach.way, approach.greatest_change_to_all());
+        out += &format!("{}: greatest change to that of all {ratio:.3}", budget(way));
+        if way.budget != way.later_budget {
+            out += &format!(", {} pictures until it is spent", approach.pictures_to_rise());
+        }
+        out.push('\n');
     }
     out
+}
+
+/// What a way is called.
+fn budget(&Way { budget, later_budget, rising }: &Way) -> String {
+    match rising {
+        _ if budget == later_budget => budget.to_string(),
+        None => format!("{budget}→{later_budget}"),
+        Some(factor) => format!("{budget}→{later_budget}, ×{factor}"),
+    }
 }
 
 /// Both eyes.
