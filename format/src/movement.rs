@@ -24,7 +24,7 @@ impl<'a> Movements<'a> {
     }
 
     /// How far the surface is from where it belongs if this joint and those below it stay as they rest: root of the mean
-    /// square over what they move, in the worst moment of all clips, metres.
+    /// square over what they move, in the worst moment of all clips, metres; no less than that of any joint below.
     pub fn of_joint(&self, joint: usize) -> Option<f32> {
         self.joints.get(joint).map(|number| number.get())
     }

@@ -239,3 +239,31 @@ fn a_step_of_training_draws_what_the_file_shows() {
         }
     }
 }
+
+#[test]
+fn a_second_eye_and_a_way_to_the_avatar_are_told() {
+    let folder = folder("bench_eyes");
+    let report = json(&folder, "a.dermis --stereo --size 40x30,64x48 --budget 50");
+    assert_eq!(rows(&report).len() % 2, 0, "a row for each kernel and size");
+    for row in rows(&report) {
+        assert_eq!(number(row, "gaussians"), 50.0);
+        assert!(number(row, "project_both") > 0.0 && number(row, "draw_right") > 0.0, "{row}");
+    }
+    let way = "bench a.dermis --approach --runs 5 --size 40x40 --budget 20,80";
+    let report: Value = serde_json::from_str(&run(&folder, &format!("{way} --json")).stdout)
+        .expect("stdout is JSON");
+    let approaches = report["approaches"].as_array().expect("an array");
+    let budgets: Vec<_> = approaches
+        .iter()
+        .map(|approach| ["budget", "later_budget"].map(|key| number(&approach["way"], key) as u32))
+        .collect();
+    assert_eq!(budgets, [[20, 20], [80, 80], [20, 80], [20, 80]]);
+    for approach in approaches {
+        let steps = approach["steps"].as_array().expect("an array");
+        let [first, last] = [&steps[0], &steps[4]].map(|step| number(step, "distance_m"));
+        assert!((first - 8.0).abs() < 1e-5 && (last - 1.0).abs() < 1e-5 && steps.len() == 5);
+        assert!(steps.iter().all(|step| number(step, "gaussians") <= 80.0));
+    }
+    let text = run(&folder, way);
+    assert!(text.stdout.contains("20→80, ×1.1: greatest change to that of all"), "{text:?}");
+}

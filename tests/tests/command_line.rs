@@ -303,6 +303,15 @@ fn regions_are_cut_by_masks_and_names() {
         fails(&folder, &format!("{train} {front}"), &["mesh.glb: only the method dermis", "; "]);
     }
 
+    fails(
+        &folder,
+        &format!("{train} --movement tail=0.5"),
+        &["mesh.glb: movement of tail: no joint", "; "],
+    );
+    for bad in ["tail", "tail=-1", "tail=far", "=NaN"] {
+        misuses(&folder, &format!("{train} --movement {bad}"), "--movement");
+    }
+
     let steps = "--steps 8 --survey-steps 4";
     let value = json(&folder, &format!("{train} {front} --region-weight front=2 {steps}"));
     let [front, body] = [0, 1].map(|region| &value["regions"][region]);

@@ -22,6 +22,8 @@ pub struct Info {
     pub regions: Vec<Region>,
     /// What moves.
     pub mesh: Mesh,
+    /// How far, if that was measured: joints with all below them, and morph targets at weight 1, those that move most first.
+    pub movements: Vec<Movement>,
     /// Animations.
     pub clips: Vec<Clip>,
     /// Bytes by section, heads included.
@@ -82,6 +84,15 @@ pub struct Mesh {
     pub morph_targets: u16,
 }
 
+/// How far a joint or a morph target moves the surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct Movement {
+    /// Of the joint or the target; its index where it has none.
+    pub name: String,
+    /// Root of the mean square.
+    pub metres: f32,
+}
+
 /// A clip.
 #[derive(Clone, Debug, Serialize)]
 pub struct Clip {
@@ -89,6 +100,9 @@ pub struct Clip {
     pub name: String,
     /// Its length.
     pub seconds: f32,
+    /// Of the surface in its fastest moment, root of the mean square, if that was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_m_per_s: Option<f32>,
 }
 
 /// Sections of one tag.
@@ -125,9 +139,17 @@ impl Info {
                 joints: header.joints,
                 morph_targets: header.morph_targets,
             },
+            movements: movements(avatar),
             clips: avatar
                 .clips()
-                .map(|clip| Clip { name: clip.name.into(), seconds: clip.seconds })
+                .enumerate()
+                .map(|(index, clip)| Clip {
+                    name: clip.name.into(),
+                    seconds: clip.seconds,
+                    speed_m_per_s: avatar
+                        .movements()
+                        .and_then(|movements| movements.of_clip(index)),
+                })
                 .collect(),
             sections,
         }
@@ -150,6 +172,21 @@ fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
             Some(discs.layout().bits())
         }),
     }
+}
+
+fn movements(avatar: &Avatar<'_>) -> Vec<Movement> {
+    let Some(measured) = avatar.movements() else { return Vec::new() };
+    let joints = (0..).map_while(|joint| Some((joint, measured.of_joint(joint)?)));
+    let named = |(index, metres): (usize, f32)| {
+        let name = avatar.joint_names().nth(index).map_or_else(|| index.to_string(), String::from);
+        Movement { name, metres }
+    };
+    let targets = avatar.morph_targets().enumerate().filter_map(|(index, target)| {
+        Some(Movement { name: target.name.into(), metres: measured.of_target(index)? })
+    });
+    let mut all: Vec<Movement> = joints.map(named).chain(targets).collect();
+    all.sort_by(|a, b| b.metres.total_cmp(&a.metres));
+    all
 }
 
 fn regions(avatar: &Avatar<'_>) -> Vec<Region> {

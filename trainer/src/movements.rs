@@ -1,5 +1,6 @@
 //! How far joints and morph targets move the mesh, and how fast clips do: what the runtime may leave out where nobody sees it.
 
+use anyhow::{Result, bail};
 use dermis_format::source::MeasuredMovements;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
@@ -25,10 +26,52 @@ pub fn measure(model: &Model) -> MeasuredMovements {
         let below = Below::new(model, joint);
         poses.iter().map(|pose| below.error(model, pose, &rest, &areas)).fold(0.0, f32::max)
     };
-    let joints = (0..model.joints.len()).into_par_iter().map(greatest).collect();
+    let mut joints: Vec<f32> = (0..model.joints.len()).into_par_iter().map(greatest).collect();
+    // What is above moves at least as far: what stays still is a tree's leaves.
+    for index in (0..joints.len()).rev() {
+        if let Some(parent) = model.joints[index].parent.map(usize::from) {
+            joints[parent] = joints[parent].max(joints[index]);
+        }
+    }
     let targets = model.morph_targets.iter().map(|target| length(target, &areas)).collect();
     let clips = (0..model.clips.len()).into_par_iter().map(|clip| speed(model, clip, &areas));
     MeasuredMovements { joints, targets, clips: clips.collect() }
+}
+
+/// A movement that the author knows better.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edit {
+    /// Of a joint, or of a morph target.
+    pub name: String,
+    /// In place of what is measured.
+    pub metres: f32,
+}
+
+/// Puts the author's movements in the place of measured ones; a name may be that of several.
+///
+/// # Errors
+///
+/// Where nothing has the name.
+pub fn edit(movements: &mut MeasuredMovements, model: &Model, edits: &[Edit]) -> Result<()> {
+    let joints = model.joints.iter().map(|joint| &joint.name);
+    let names = joints.chain(model.morph_targets.iter().map(|target| &target.name));
+    let MeasuredMovements { joints, targets, .. } = movements;
+    let mut named: Vec<(&String, &mut f32)> = names.zip(joints.iter_mut().chain(targets)).collect();
+    for Edit { name, metres } in edits {
+        let mut found = false;
+        for (_, movement) in named.iter_mut().filter(|(other, _)| *other == name) {
+            **movement = *metres;
+            found = true;
+        }
+        if !found {
+            let names: Vec<&str> = named.iter().map(|(name, _)| name.as_str()).collect();
+            bail!(
+                "movement of {name}: no joint or morph target; choose one of: {}",
+                names.join(", ")
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Moments of a clip of this length, both ends among them.
@@ -149,12 +192,32 @@ mod tests {
         for (index, joint) in model.joints.iter().enumerate() {
             let moved = movements.joints[index];
             assert!((0.0..3.0).contains(&moved), "{} {moved}", joint.name);
+            let above =
+                joint.parent.map_or(f32::MAX, |parent| movements.joints[usize::from(parent)]);
+            assert!(above >= moved, "{} {moved}, above {above}", joint.name);
         }
         // It waves with its right arm; its left hand follows the forearm.
-        assert!(of("upper_arm_right") > of("forearm_right"), "{movements:?}");
-        assert!(of("forearm_right") > of("hand_right"), "{movements:?}");
+        assert!(of("upper_arm_right") > of("hand_right"), "{movements:?}");
         assert!(of("hand_right") > 0.01 && of("hand_left") == 0.0, "{movements:?}");
         assert!(movements.clips.iter().all(|&speed| speed > 0.05 && speed < 10.0));
+    }
+
+    #[test]
+    fn authors_may_know_better() {
+        let model = demo_avatar();
+        let mut movements = measure(&model);
+        let (joint, target) = (&model.joints[3].name, &model.morph_targets[1].name);
+        let [first, second] = [(joint, 0.5), (target, 0.0)];
+        let edits = [first, second].map(|(name, metres)| Edit { name: name.clone(), metres });
+        let measured = movements.clone();
+        edit(&mut movements, &model, &edits).expect("both are there");
+        assert_eq!((movements.joints[3], movements.targets[1]), (0.5, 0.0));
+        movements.joints[3] = measured.joints[3];
+        movements.targets[1] = measured.targets[1];
+        assert_eq!(movements, measured);
+        let absent = [Edit { name: "tail".into(), metres: 1.0 }];
+        let error = edit(&mut movements, &model, &absent).expect_err("it has none").to_string();
+        assert!(error.starts_with("movement of tail: no joint or morph target; choose one of: "));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use crate::embed::detail::Detail;
 use crate::embed::regions::Region;
 use crate::methods::Method;
+use crate::movements::Edit;
 use crate::optimize::adam::Rates;
 use crate::optimize::loss::Loss;
 use crate::optimize::schedule::{Nested, Prefixes, Schedule};
@@ -64,6 +65,8 @@ pub struct Options {
     pub detail: Detail,
     /// Parts of the mesh with an order of their own, beside the rest; of [`Method::Dermis`] alone.
     pub regions: Vec<Region>,
+    /// How far joints and morph targets move the mesh, where the author knows better than what is measured.
+    pub movements: Vec<Edit>,
     /// Bound of the ground truth that is held in memory, bytes; the rest lies in a temporary file.
     pub memory_bytes: u64,
 }
@@ -108,6 +111,7 @@ impl Options {
             },
             detail: Detail::default(),
             regions: Vec::new(),
+            movements: Vec::new(),
             memory_bytes: 2048 << 20,
         }
     }

@@ -1,6 +1,7 @@
 //! Training: a mesh in, the bytes of an avatar out.
 
 use anyhow::{Result, ensure};
+use dermis_format::source::MeasuredMovements;
 use dermis_runtime::Pose;
 use serde::{Deserialize, Serialize};
 
@@ -8,6 +9,7 @@ use crate::checkpoint::{Checkpoint, Journal};
 use crate::embed::sides::two_sided;
 use crate::methods::{Culling, Method, Parts, Workshop};
 use crate::model::Model;
+use crate::movements;
 use crate::optimize::cloud::Cloud;
 use crate::optimize::precision::Precision;
 use crate::options::Options;
@@ -65,6 +67,10 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     let mut source = package::with_regions(package::rigged_mesh(model), &parts.regions);
     source.mathematics = options.method.mathematics();
     source.key_frames = package::key_frames(&key_frames);
+    // Without joints and morph targets there are none.
+    let mut none = MeasuredMovements::default();
+    let movements = source.movements.as_mut().unwrap_or(&mut none);
+    movements::edit(movements, model, &options.movements)?;
     let (views, seen) = truth::observe(&painter, &key_frames, options)?;
     ensure!(
         views.iter().any(|view| view.truth.rect(0).pixels() > 0),

@@ -19,6 +19,9 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     super::print(common, &info, text)
 }
 
+/// Joints and morph targets whose movement is shown, at most.
+const MOVEMENTS: usize = 8;
+
 pub(crate) fn text(info: &Info) -> String {
     let mut out = String::new();
     let mesh = &info.mesh;
@@ -57,8 +60,18 @@ pub(crate) fn text(info: &Info) -> String {
         }
         out.push('\n');
     }
+    if !info.movements.is_empty() {
+        let most = info.movements.iter().take(MOVEMENTS).filter(|moved| moved.metres > 0.0);
+        let most: Vec<String> =
+            most.map(|moved| format!("{} {:.1} cm", moved.name, 100.0 * moved.metres)).collect();
+        let still = info.movements.iter().filter(|moved| moved.metres == 0.0).count();
+        let others = info.movements.len() - most.len() - still;
+        let _ =
+            writeln!(out, "moves   {}; {others} more less, {still} not at all", most.join(", "));
+    }
     for clip in &info.clips {
-        let _ = writeln!(out, "clip    {}: {:.2} s", clip.name, clip.seconds);
+        let speed = clip.speed_m_per_s.map_or(String::new(), |speed| format!(", {speed:.1} m/s"));
+        let _ = writeln!(out, "clip    {}: {:.2} s{speed}", clip.name, clip.seconds);
     }
     for part in &info.sections {
         let _ =

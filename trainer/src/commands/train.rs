@@ -11,6 +11,7 @@ use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_of;
 use dermis_trainer::methods::{Culling, Method};
 use dermis_trainer::model::Model;
+use dermis_trainer::movements::Edit;
 use dermis_trainer::options::{MAX_LOSS_DB, Options, Preset};
 use dermis_trainer::{import, output, train};
 use serde::Serialize;
@@ -68,6 +69,10 @@ pub(crate) struct Arguments {
     detail: super::detail::DetailArguments,
     #[command(flatten)]
     regions: super::regions::RegionArguments,
+    /// How far a joint with all below it, or a morph target, moves the surface, in place of what is measured: little is left out
+    /// sooner, 1000 never; repeatable.
+    #[arg(long, value_name = "NAME=METRES", value_parser = movement)]
+    movement: Vec<Edit>,
     /// Ground truth held in memory, MB of 2^20 bytes; the rest lies in a temporary file (in TMPDIR).
     #[arg(long, value_name = "MB", default_value_t = 2048, value_parser = clap::value_parser!(u64).range(0..=1 << 24))]
     memory: u64,
@@ -160,7 +165,15 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         seed: common.seed,
         detail: arguments.detail.detail(arguments.method)?,
         regions: arguments.regions.regions()?,
+        movements: arguments.movement.clone(),
         memory_bytes: arguments.memory << 20,
         ..preset
     })
+}
+
+fn movement(text: &str) -> Result<Edit, String> {
+    let (name, metres) = text.rsplit_once('=').ok_or("give NAME=METRES")?;
+    let metres = metres.parse().ok().filter(|metres| (0.0..=1e6).contains(metres));
+    let metres = metres.ok_or("give metres from 0 to 1e6")?;
+    Ok(Edit { name: name.into(), metres })
 }
