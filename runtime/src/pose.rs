@@ -28,6 +28,17 @@ pub enum Pose<'a> {
     },
     /// Vertices in the world, metres, as many as the avatar has: skinned by the caller.
     Vertices(&'a [[f32; 3]]),
+    /// On a straight line from one pose to another, whose vertices these are ([`Posed::vertices`](crate::Posed::vertices)): what
+    /// is seen between two frames in which poses are evaluated ([`crate::rate`]). A point that turns by θ around one r away
+    /// comes r (1 − cos θ/2) nearer to that, at most.
+    Between {
+        /// At share 0.
+        from: &'a [[f32; 3]],
+        /// At share 1.
+        to: &'a [[f32; 3]],
+        /// In [0, 1].
+        share: f32,
+    },
 }
 
 /// Fills `matrices` (bind space → world) and `weights`; `joints` is working space of the length of
@@ -57,7 +68,7 @@ pub(crate) fn evaluate(
             apply(&clip, seconds, moves, joints, weights);
             to_world(avatar, joints);
         }
-        Pose::Rest | Pose::Vertices(_) => {
+        Pose::Rest | Pose::Vertices(_) | Pose::Between { .. } => {
             rest(avatar, joints, weights);
             to_world(avatar, joints);
         }
@@ -85,7 +96,7 @@ pub fn carried(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Affine {
     let Some(top) = top_joint(avatar) else { return IDENTITY };
     let rest = world(avatar, top, |_| None);
     let posed = match *pose {
-        Pose::Rest | Pose::Vertices(_) => return IDENTITY,
+        Pose::Rest | Pose::Vertices(_) | Pose::Between { .. } => return IDENTITY,
         Pose::Joints { worlds, .. } => worlds.get(top).copied().unwrap_or(rest),
         Pose::Clip { clip, seconds } => {
             let Some(clip) = avatar.clips().nth(clip) else { return IDENTITY };
@@ -151,6 +162,25 @@ pub(crate) fn copy<T: Copy>(what: &'static str, to: &mut [T], from: &[T]) -> Res
         return Err(Error::Pose { what, expected: to.len(), found: from.len() });
     }
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+    Ok(())
+}
+
+/// Fills `vertices` with those between two poses.
+pub(crate) fn mix(
+    vertices: &mut [[f32; 3]],
+    from: &[[f32; 3]],
+    to: &[[f32; 3]],
+    share: f32,
+) -> Result<(), Error> {
+    copy("vertices", vertices, from)?;
+    if to.len() != vertices.len() {
+        return Err(Error::Pose { what: "vertices", expected: vertices.len(), found: to.len() });
+    }
+    for (vertex, to) in vertices.iter_mut().zip(to) {
+        for (x, to) in vertex.iter_mut().zip(to) {
+            *x += share * (to - *x);
+        }
+    }
     Ok(())
 }
 

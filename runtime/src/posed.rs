@@ -93,12 +93,19 @@ impl<'s, 'a> Posed<'s, 'a> {
         let weights = scratch.take(usize::from(header.morph_targets))?;
         let vertices = scratch.take(header.vertices as usize)?;
         let blocks = scratch.take(FrameBlock::count(header.triangles))?;
-        let moving = if let Pose::Vertices(given) = pose {
-            pose::copy("vertices", vertices, given)?;
-            None
-        } else {
-            pose::evaluate(avatar, pose, still_below, joints, matrices, weights)?;
-            Some(Moving { matrices, weights })
+        let moving = match *pose {
+            Pose::Vertices(given) => {
+                pose::copy("vertices", vertices, given)?;
+                None
+            }
+            Pose::Between { from, to, share } => {
+                pose::mix(vertices, from, to, share)?;
+                None
+            }
+            Pose::Rest | Pose::Clip { .. } | Pose::Joints { .. } => {
+                pose::evaluate(avatar, pose, still_below, joints, matrices, weights)?;
+                Some(Moving { matrices, weights })
+            }
         };
         match needed {
             None => {

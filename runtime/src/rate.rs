@@ -1,7 +1,8 @@
 //! How often the pose of an avatar is worth evaluating.
 //!
 //! A pose that is held for n frames is late by up to n − 1 of them: its surface is off by up to speed · (n − 1) · seconds of a
-//! frame. The clip itself goes on: whoever evaluates it at the time of the frame keeps its duration, whatever n is.
+//! frame. The clip itself goes on: whoever evaluates it at the time of the frame keeps its duration, whatever n is. With two poses
+//! at hand, one held frame late, [`Pose::Between`](crate::Pose::Between) moves from one to the other instead.
 
 use dermis_format::Avatar;
 

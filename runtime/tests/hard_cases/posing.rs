@@ -287,3 +287,34 @@ fn poses_are_held_as_long_as_it_does_not_show() {
     }
     assert!(is_due(3, 5, 0));
 }
+
+/// A clip that is evaluated every fifth frame, and moves on straight lines between: nearer than what is held,
+/// the same at both ends, and as near as the turn allows.
+#[test]
+fn between_two_poses_is_nearer_than_either() {
+    let file = bytes(&rigged());
+    let avatar = Avatar::parse(&file).unwrap();
+    let at = |seconds: f32| vertices(&avatar, &Pose::Clip { clip: 0, seconds }, 0.0);
+    let (from, to) = (at(0.2), at(0.4));
+    let between =
+        |share: f32| vertices(&avatar, &Pose::Between { from: &from, to: &to, share }, 0.0);
+    let rms = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+        let squares = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b) * (a - b));
+        (squares.sum::<f32>() / a.len() as f32).sqrt()
+    };
+    assert!(between(0.0) == from && rms(&between(1.0), &to) < 1e-6);
+    for share in [0.2, 0.4, 0.6, 0.8] {
+        let exact = at(0.2 + 0.2 * share);
+        let mixed = rms(&between(share), &exact);
+        let held = rms(&from, &exact).min(rms(&to, &exact));
+        assert!(mixed < 0.2 * held, "{mixed} {held} at {share}");
+        // Two turns of 0.26 rad each, of what is less than 1.5 m away.
+        assert!(mixed < 1.5 * (1.0 - (0.26f32).cos()), "{mixed} at {share}");
+    }
+    let short = Pose::Between { from: &from, to: &to[1..], share: 0.5 };
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    let refused = Posed::new(&avatar, &short, Kernel::Scalar, &mut scratch).err();
+    let count = from.len();
+    let wrong = Error::Pose { what: "vertices", expected: count, found: count - 1 };
+    assert_eq!(refused, Some(wrong));
+}
