@@ -2,6 +2,7 @@
 
 use dermis_fuzz::Parameters;
 use dermis_runtime::draw::DEPTH_SCRATCH_LEN;
+use dermis_runtime::pose::carried;
 use dermis_runtime::{
     Background, Depth, Error, Framebuffer, Kernel, Part, Pixels, Pose, Posed, PosedGaussian,
     Prepared, Sides, Statistics, render, scratch_len,
@@ -92,8 +93,30 @@ impl Frame {
         let prepared = prepared.expect("as promised");
         let in_bands = self.in_bands(&prepared);
         assert!(in_bands.is(&expected), "bands draw another frame");
+        self.check_eyes(scene, pose, &expected);
         self.check_tiles(&prepared);
         self.check_export(scene, &posed);
+    }
+
+    /// Posed for the plan alone and seen by two eyes at once, the second one draws the same; what stays still is no panic.
+    fn check_eyes(&self, scene: &Scene<'_, '_>, pose: &Pose<'_>, expected: &Drawn) {
+        let Scene { plan, camera, avatar, .. } = scene;
+        let mut posing = vec![STALE; Posed::scratch_len_for_plan(avatar)];
+        let posed = Posed::for_plan(avatar, pose, plan, Kernel::detect(), &mut posing);
+        let posed = posed.expect("as promised");
+        let words = Prepared::scratch_len(avatar, plan.gaussians(), camera.width, camera.height);
+        let (mut left, mut right) = (vec![STALE; words], vec![STALE; words]);
+        let run = |parts: &mut [Part<'_, '_, 2>]| parts.iter_mut().rev().for_each(Part::project);
+        let (cameras, scratch) = ([camera; 2], [&mut left[..], &mut right[..]]);
+        let eyes = Prepared::of_eyes(&posed, plan, cameras, scratch, self.parts, run);
+        let [_, right] = eyes.expect("as promised");
+        assert!(self.in_bands(&right).is(expected), "a second eye draws another frame");
+        for still_below in [self.eye[0], f32::INFINITY] {
+            let plan = plan.clone().with_still_below(still_below);
+            let mut posing = vec![STALE; Posed::scratch_len_for_plan(avatar)];
+            Posed::for_plan(avatar, pose, &plan, Kernel::Scalar, &mut posing).expect("as promised");
+        }
+        let _ = carried(avatar, pose);
     }
 
     /// In exactly the memory that is promised, and in a word less. `None` if the pose is none of this avatar.
