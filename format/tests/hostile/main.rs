@@ -340,19 +340,21 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     assert!(Avatar::parse(&file(&header, &sections)).is_err());
 }
 
+/// A file with another payload of a section that is there once.
+fn with_payload(avatar: &Avatar<'_>, tag: [u8; 4], payload: &[u8]) -> Vec<u8> {
+    let part = |s: Section<'_>| (s.tag, if s.tag == tag { payload } else { s.payload }.to_vec());
+    let sections: Vec<_> = avatar.sections().map(part).collect();
+    let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
+    file(&header_bytes(avatar.header()), &sections)
+}
+
 #[test]
 fn curves_out_of_their_limits_are_refused() {
     let bytes = encode(&avatars::regions()).unwrap();
     let avatar = Avatar::parse(&bytes).unwrap();
-    let all: Vec<Section> = avatar.sections().collect();
-    let usual = all.iter().find(|s| s.tag == *b"CURV").expect("it is there").payload.to_vec();
-    let with = |payload: &[u8]| {
-        let part =
-            |s: &Section| if s.tag == *b"CURV" { payload.to_vec() } else { s.payload.to_vec() };
-        let sections: Vec<_> = all.iter().map(|s| (s.tag, part(s))).collect();
-        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
-        file(&header_bytes(avatar.header()), &sections)
-    };
+    let usual =
+        avatar.sections().find(|s| s.tag == *b"CURV").expect("it is there").payload.to_vec();
+    let with = |payload: &[u8]| with_payload(&avatar, *b"CURV", payload);
     assert!(parse_and_walk(&with(&usual)));
     for len in (0..usual.len()).chain([usual.len() + 4]) {
         let mut payload = usual.clone();
@@ -382,15 +384,9 @@ fn curves_out_of_their_limits_are_refused() {
 fn movements_out_of_their_limits_are_refused() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let avatar = Avatar::parse(&bytes).unwrap();
-    let all: Vec<Section> = avatar.sections().collect();
-    let usual = all.iter().find(|s| s.tag == *b"MOVE").expect("it is there").payload.to_vec();
-    let with = |payload: &[u8]| {
-        let part =
-            |s: &Section| if s.tag == *b"MOVE" { payload.to_vec() } else { s.payload.to_vec() };
-        let sections: Vec<_> = all.iter().map(|s| (s.tag, part(s))).collect();
-        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
-        file(&header_bytes(avatar.header()), &sections)
-    };
+    let usual =
+        avatar.sections().find(|s| s.tag == *b"MOVE").expect("it is there").payload.to_vec();
+    let with = |payload: &[u8]| with_payload(&avatar, *b"MOVE", payload);
     assert!(parse_and_walk(&with(&usual)));
     for len in (0..usual.len()).chain([usual.len() + 1, usual.len() + 2]) {
         let mut payload = usual.clone();
@@ -410,15 +406,9 @@ fn movements_out_of_their_limits_are_refused() {
 fn importances_out_of_their_limits_are_refused() {
     let bytes = encode(&avatars::regions()).unwrap();
     let avatar = Avatar::parse(&bytes).unwrap();
-    let all: Vec<Section> = avatar.sections().collect();
     let with = |numbers: &[f32]| {
         let payload: Vec<u8> = numbers.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let replaced = |s: &Section| {
-            (s.tag, if s.tag == *b"IMPO" { payload.clone() } else { s.payload.to_vec() })
-        };
-        let sections: Vec<_> = all.iter().map(replaced).collect();
-        let sections: Vec<_> = sections.iter().map(|(tag, payload)| (*tag, &payload[..])).collect();
-        file(&header_bytes(avatar.header()), &sections)
+        with_payload(&avatar, *b"IMPO", &payload)
     };
     let usual = [1.0, 0.0, 0.5, 0.5].repeat(3);
     assert!(parse_and_walk(&with(&usual)));
