@@ -26,18 +26,23 @@ pub struct Curves<'a> {
 
 /// Counts at which a region of so many layers is measured.
 pub const fn stops(layers: usize) -> usize {
-    layers + 3
+    2 * layers + 2
 }
 
 /// Gaussians of a region at each stop: none, a sixteenth and a quarter of the first layer that is not empty, rounded up, then
-/// all of the layers up to each one.
+/// all of the layers up to each one, and before each but the first a third of it, rounded up: of levels of four times as many twice
+/// as many as at the level below.
 pub fn count_at(stop: usize, layer_len: impl Fn(usize) -> u32, layers: usize) -> u32 {
     let first = || (0..layers).map(&layer_len).find(|&len| len > 0).unwrap_or(0);
     match stop {
         0 => 0,
         1 => first().div_ceil(16),
         2 => first().div_ceil(4),
-        _ => (0..layers.min(stop - 2)).map(layer_len).sum(),
+        _ => {
+            let (whole, part) = ((stop - 1) / 2, stop.is_multiple_of(2));
+            let part = if part && whole < layers { layer_len(whole).div_ceil(3) } else { 0 };
+            (0..layers.min(whole)).map(layer_len).sum::<u32>() + part
+        }
     }
 }
 

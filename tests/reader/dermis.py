@@ -275,7 +275,7 @@ def read_importances(b, h):
 def read_curves(b, h):
     density, octaves = b.numbers("fB")
     b.need(0 < density <= 1e12 and 1 <= octaves <= 8, f"{density} pixels to a metre, {octaves} octaves")
-    points = bf16(b.column("2s", 2 * h.regions * octaves * (h.layers + 3)))
+    points = bf16(b.column("2s", 2 * h.regions * octaves * (2 * h.layers + 2)))
     return [density, octaves, *b.within(0, 1e6, *points)]
 
 

@@ -149,9 +149,9 @@ pub(crate) fn regions() -> Source {
     ];
     source.regions[2].importance =
         Some(Importance { weight: 4.0, mobility: 0.25, visible: 0.5, residual: 1.0 });
-    // Of three regions and two octaves five stops each.
+    // Of three regions and two octaves six stops each.
     let point = |i: u64| CurvePoint { error: 0.3 * random(i), blends: 40.0 * random(i + 99) };
-    let points = (0..3 * 2 * 5).map(point).collect();
+    let points = (0..3 * 2 * 6).map(point).collect();
     source.curves = Some(MeasuredCurves { density: 270.5, octaves: 2, points });
     source
 }

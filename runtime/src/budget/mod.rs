@@ -121,7 +121,7 @@ fn most_steps(instances: &[Instance<'_, '_>]) -> usize {
 /// Plans for all instances, each in its place in `plans`, that spend `budget` where it saves the most error on the screen.
 /// `gaze` weighs the error of each region by where it is.
 ///
-/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (layers + 2), 1,300 instructions for each
+/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (2 layers + 1), 1,300 instructions for each
 /// of 96.
 ///
 /// # Errors

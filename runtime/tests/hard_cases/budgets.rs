@@ -207,7 +207,12 @@ fn options(instance: &Instance<'_, '_>, region: usize, footprint: &Footprint) ->
         (0..avatar.header().layers.into()).map(|layer| avatar.layer_len(region, layer)).collect();
     let first = layers.iter().copied().find(|&len| len > 0).unwrap_or(0);
     let mut counts = vec![0, first.div_ceil(16), first.div_ceil(4)];
-    counts.extend((1..=layers.len()).map(|end| layers[..end].iter().sum::<u32>()));
+    let mut sum = 0;
+    for (layer, &len) in layers.iter().enumerate() {
+        counts.extend((layer > 0).then(|| sum + len.div_ceil(3)));
+        sum += len;
+        counts.push(sum);
+    }
     // Of stops of one count the runtime may take any.
     let repeats = |stop: usize| stop > 0 && counts[..stop].contains(&counts[stop]);
     (0..counts.len())
@@ -230,7 +235,9 @@ fn options(instance: &Instance<'_, '_>, region: usize, footprint: &Footprint) ->
 
 #[test]
 fn a_near_avatar_gets_more_than_a_far_one_and_the_eye_decides_between_equals() {
-    let of_octave = [[0.2, 0.0], [0.1, 20.0], [0.05, 20.0], [0.02, 20.0], [0.005, 25.0]];
+    // Of 0, 7, 25, 100, 200 and 400.
+    let of_octave =
+        [[0.2, 0.0], [0.1, 20.0], [0.05, 20.0], [0.02, 20.0], [0.01, 22.0], [0.005, 25.0]];
     let numbers = [of_octave, of_octave].concat();
     let file = bytes(&measured(&[vec![100, 300]], &numbers));
     let avatar = Avatar::parse(&file).unwrap();
