@@ -139,7 +139,7 @@ impl<'s, 'a> Posed<'s, 'a> {
         self.avatar
     }
 
-    /// Vertices in the world, metres.
+    /// Vertices in the world, metres; NaN where a plan did not need them ([`Self::for_plan`]).
     pub fn vertices(&self) -> &'s [[f32; 3]] {
         self.vertices
     }
