@@ -100,10 +100,10 @@ impl Work for MakeFrames<'_, '_> {
     fn run<V: Lanes>(self, token: V::Token) {
         let Self { avatar, vertices, blocks } = self;
         let mut corners = Corners::new(avatar, vertices);
-        for (block, first) in blocks.iter_mut().zip((0..).step_by(MAX_LANES)) {
+        for (index, block) in blocks.iter_mut().enumerate() {
             for lane in 0..MAX_LANES {
                 // Beyond the last triangle all corners are vertex 0: no area, no frame.
-                corners.set(lane, first + lane);
+                corners.set(lane, MAX_LANES * index + lane);
             }
             corners.frame::<V>(token, block);
         }
