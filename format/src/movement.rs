@@ -3,6 +3,9 @@
 use crate::header::Header;
 use crate::record::{Bf16, plane, take_plane};
 
+/// The greatest number of a movement: the last bf16 that is not above 10⁶.
+pub const MOST: f32 = 999_424.0;
+
 /// Of all joints, morph targets and clips, in the file.
 #[derive(Clone, Copy, Debug)]
 pub struct Movements<'a> {
@@ -19,12 +22,12 @@ impl<'a> Movements<'a> {
         let clips: &[Bf16] = plane(rest)?;
         let numbers = [joints, targets, clips].into_iter().flatten();
         let valid = clips.len() == usize::from(header.clips)
-            && numbers.into_iter().all(|number| (0.0..=1e6).contains(&number.get()));
+            && numbers.into_iter().all(|number| (0.0..=MOST).contains(&number.get()));
         valid.then_some(Self { joints, targets, clips })
     }
 
     /// How far the surface is from where it belongs if this joint and those below it stay as they rest: root of the mean
-    /// square over what they move, in the worst moment of all clips, metres; no less than that of any joint below.
+    /// square over what they move, in the worst of the moments of all clips that were looked at, metres; no less than that of any joint below.
     pub fn of_joint(&self, joint: usize) -> Option<f32> {
         self.joints.get(joint).map(|number| number.get())
     }
@@ -34,7 +37,7 @@ impl<'a> Movements<'a> {
         self.targets.get(target).map(|number| number.get())
     }
 
-    /// How fast the surface is in the fastest moment of a clip: root of the mean square, m/s.
+    /// How fast the surface is between the two keys of a clip where it is fastest: root of the mean square, m/s.
     pub fn of_clip(&self, clip: usize) -> Option<f32> {
         self.clips.get(clip).map(|number| number.get())
     }

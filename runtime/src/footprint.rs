@@ -41,6 +41,8 @@ impl Posed<'_, '_> {
     /// What each region covers of a camera's picture. A region of which nothing can be seen, as it is out of the frame or
     /// looks away, covers nothing.
     ///
+    /// Of an avatar posed by [`Posed::new`]: one posed for a plan covers no more than what that plan stands on.
+    ///
     /// Of a large mesh only some runs of sixteen triangles are looked at, evenly spread, about 500 triangles a region, which
     /// stand for the others: areas come out within 10 % of the whole sum, of either sign, where sizes and slopes change
     /// smoothly along the mesh. Of a region that would be found to cover nothing all are looked at, with how far their Gaussians

@@ -96,8 +96,8 @@ impl Plan {
         self.still_below
     }
 
-    /// Whether no clip moves anything that this plan lets move, morph targets at weights within ±1: a rest pose made once is
-    /// the pose of every frame.
+    /// Whether no clip moves anything that this plan lets move, morph targets at weights within 1 of those at rest: a rest pose
+    /// made once is the pose of every frame.
     pub fn is_still(&self, avatar: &Avatar<'_>) -> bool {
         let Some(movements) = avatar.movements() else { return false };
         let joints = (0..).map_while(|joint| movements.of_joint(joint));

@@ -1,5 +1,7 @@
 //! Pose: clips or joints to a matrix per bind and a weight per morph target.
 
+use core::cmp::Ordering;
+
 use dermis_format::Avatar;
 use dermis_format::record::JointRecord;
 use dermis_format::rig::{Channel, Clip, Property};
@@ -29,8 +31,9 @@ pub enum Pose<'a> {
     /// Vertices in the world, metres, as many as the avatar has: skinned by the caller.
     Vertices(&'a [[f32; 3]]),
     /// On a straight line from one pose to another, whose vertices these are ([`Posed::vertices`](crate::Posed::vertices)): what
-    /// is seen between two frames in which poses are evaluated ([`crate::rate`]). A point that turns by θ around one r away
-    /// comes r (1 − cos θ/2) nearer to that, at most.
+    /// is seen between two frames in which poses are evaluated ([`crate::rate`]). Both of `Posed::new`, or for plans that have no
+    /// fewer Gaussians in any region than what is drawn: what was not posed is a hole. A point that turns by θ around one r
+    /// away comes r (1 − cos(θ / 2)) nearer to that, at most.
     Between {
         /// At share 0.
         from: &'a [[f32; 3]],
@@ -74,10 +77,10 @@ pub(crate) fn evaluate(
         }
     }
     if let Some(movements) = avatar.movements() {
-        for (target, weight) in weights.iter_mut().enumerate() {
-            let metres = movements.of_target(target).unwrap_or(f32::INFINITY);
-            if (*weight * metres).abs() < still_below {
-                *weight = 0.0;
+        for ((weight, target), index) in weights.iter_mut().zip(avatar.morph_targets()).zip(0..) {
+            let metres = movements.of_target(index).unwrap_or(f32::INFINITY);
+            if ((*weight - target.default_weight) * metres).abs() < still_below {
+                *weight = target.default_weight;
             }
         }
     }
@@ -91,7 +94,8 @@ pub(crate) fn evaluate(
 
 /// What a pose does to the avatar as a whole: where the joint above all that move the mesh takes what is at rest. Footprints
 /// of the rest pose in this place (`camera.for_place(&compose(&place, &carried))`) stand for those of the posed avatar, and cost
-/// no skinning. The identity where the caller gives vertices, and where nothing can be carried.
+/// no skinning. Rigid, as [`Camera::for_place`](crate::Camera::for_place) asks, where no joint above is scaled. The identity where the
+/// caller gives vertices, where nothing is above all, and where that hangs under more than 256 joints.
 pub fn carried(avatar: &Avatar<'_>, pose: &Pose<'_>) -> Affine {
     let Some(top) = top_joint(avatar) else { return IDENTITY };
     let rest = world(avatar, top, |_| None);
@@ -128,18 +132,23 @@ fn top_joint(avatar: &Avatar<'_>) -> Option<usize> {
     };
     let mut joints = avatar.binds().iter().map(|bind| usize::from(bind.joint.get()));
     let first = joints.next()?;
-    joints.try_fold(first, |mut a, mut b| {
+    let top = joints.try_fold(first, |mut a, mut b| {
         // Parents stand before their children.
-        while a != b {
-            if a > b {
-                a = parent(a)?;
-            } else {
-                b = parent(b)?;
+        for _ in 0..2 * DEEPEST {
+            match a.cmp(&b) {
+                Ordering::Equal => return Some(a),
+                Ordering::Greater => a = parent(a)?,
+                Ordering::Less => b = parent(b)?,
             }
         }
-        Some(a)
-    })
+        None
+    })?;
+    let above = core::iter::successors(Some(top), |&joint| parent(joint));
+    (above.take(DEEPEST + 1).count() <= DEEPEST).then_some(top)
 }
+
+/// Joints above each other that are looked at.
+const DEEPEST: usize = 256;
 
 /// World transform of a joint whose chain has these locals (translation, rotation, scale), or those in which it rests.
 fn world(avatar: &Avatar<'_>, joint: usize, local: impl Fn(usize) -> Option<Affine>) -> Affine {

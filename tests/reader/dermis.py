@@ -280,7 +280,7 @@ def read_curves(b, h):
 
 
 def read_movements(b, h):
-    return b.within(0, 1e6, *bf16(b.column("2s", h.joints + h.morph_targets + h.clips)))
+    return b.within(0, 999_424, *bf16(b.column("2s", h.joints + h.morph_targets + h.clips)))
 
 
 def read_key_frames(b, h):

@@ -1,17 +1,18 @@
 //! How far joints and morph targets move the mesh, and how fast clips do: what the runtime may leave out where nobody sees it.
 
 use anyhow::{Result, bail};
+use dermis_format::movement::MOST;
 use dermis_format::source::MeasuredMovements;
 use glam::{Affine3A, Vec3};
 use rayon::prelude::*;
 
-use crate::model::{Bind, Model, MorphTarget, Vertex};
+use crate::model::{Model, MorphTarget, Vertex};
 use crate::scene::{Pose, posed_vertices};
 
 /// Moments of a clip that are looked at, each second and at most.
 const MOMENTS_PER_SECOND: f32 = 10.0;
 const MOST_MOMENTS: usize = 64;
-/// Over which speed is measured, seconds.
+/// Over which speed is measured, seconds: from key to key of the file.
 const INSTANT: f32 = 1.0 / 30.0;
 
 /// Measures all joints, morph targets and clips of a model.
@@ -33,9 +34,11 @@ pub fn measure(model: &Model) -> MeasuredMovements {
             joints[parent] = joints[parent].max(joints[index]);
         }
     }
-    let targets = model.morph_targets.iter().map(|target| length(target, &areas)).collect();
-    let clips = (0..model.clips.len()).into_par_iter().map(|clip| speed(model, clip, &areas));
-    MeasuredMovements { joints, targets, clips: clips.collect() }
+    let at_rest = matrices(model, &rest);
+    let targets = model.morph_targets.iter();
+    let targets = targets.map(|target| length(model, target, &at_rest, &areas)).collect();
+    let clips = (0..model.clips.len()).map(|clip| speed(model, clip, &areas)).collect();
+    MeasuredMovements { joints, targets, clips }
 }
 
 /// A movement that the author knows better.
@@ -47,31 +50,50 @@ pub struct Edit {
     pub metres: f32,
 }
 
-/// Puts the author's movements in the place of measured ones; a name may be that of several.
+/// Puts the author's movements in the place of measured ones; a name may be that of several. Joints above one that moves further
+/// move as far, those below one that moves less no further: what stays still is a tree's leaves.
 ///
 /// # Errors
 ///
 /// Where nothing has the name.
 pub fn edit(movements: &mut MeasuredMovements, model: &Model, edits: &[Edit]) -> Result<()> {
-    let joints = model.joints.iter().map(|joint| &joint.name);
-    let names = joints.chain(model.morph_targets.iter().map(|target| &target.name));
-    let MeasuredMovements { joints, targets, .. } = movements;
-    let mut named: Vec<(&String, &mut f32)> = names.zip(joints.iter_mut().chain(targets)).collect();
     for Edit { name, metres } in edits {
+        let metres = metres.min(MOST);
         let mut found = false;
-        for (_, movement) in named.iter_mut().filter(|(other, _)| *other == name) {
-            **movement = *metres;
+        for joint in (0..model.joints.len()).filter(|&joint| model.joints[joint].name == *name) {
+            set_joint(&mut movements.joints, model, joint, metres);
             found = true;
         }
+        for (target, movement) in model.morph_targets.iter().zip(&mut movements.targets) {
+            if target.name == *name {
+                *movement = metres;
+                found = true;
+            }
+        }
         if !found {
-            let names: Vec<&str> = named.iter().map(|(name, _)| name.as_str()).collect();
-            bail!(
-                "movement of {name}: no joint or morph target; choose one of: {}",
-                names.join(", ")
-            );
+            let joints = model.joints.iter().map(|joint| joint.name.as_str());
+            let targets = model.morph_targets.iter().map(|target| target.name.as_str());
+            let names: Vec<&str> = joints.chain(targets).collect();
+            let names = names.join(", ");
+            bail!("movement of {name}: no joint or morph target; choose one of: {names}");
         }
     }
     Ok(())
+}
+
+fn set_joint(joints: &mut [f32], model: &Model, joint: usize, metres: f32) {
+    joints[joint] = metres;
+    let mut above = joint;
+    while let Some(parent) = model.joints[above].parent.map(usize::from) {
+        joints[parent] = joints[parent].max(metres);
+        above = parent;
+    }
+    // Parents stand before their children.
+    for index in joint + 1..joints.len() {
+        if let Some(parent) = model.joints[index].parent.map(usize::from) {
+            joints[index] = joints[index].min(joints[parent]);
+        }
+    }
 }
 
 /// Moments of a clip of this length, both ends among them.
@@ -97,7 +119,7 @@ fn rms(squares: impl Iterator<Item = (f64, f32)>) -> f32 {
     let (sum, weight) =
         squares.fold((0.0, 0.0), |(sum, all), (w, square)| (sum + w * f64::from(square), all + w));
     // No file holds more.
-    if weight > 0.0 { ((sum / weight).sqrt() as f32).min(1e6) } else { 0.0 }
+    if weight > 0.0 { ((sum / weight).sqrt() as f32).min(MOST) } else { 0.0 }
 }
 
 /// A joint with all below it, and the vertices on which they weigh.
@@ -135,11 +157,7 @@ impl Below {
         if still.locals == pose.locals {
             return 0.0;
         }
-        let [now, still] = [pose, &still].map(|pose| {
-            let worlds = pose.joint_worlds(model);
-            let bind = |bind: &Bind| worlds[usize::from(bind.joint)] * bind.inverse;
-            model.binds.iter().map(bind).collect::<Vec<Affine3A>>()
-        });
+        let [now, still] = [pose, &still].map(|pose| matrices(model, pose));
         rms(self.vertices.iter().map(|&(index, share)| {
             let vertex = &model.vertices[index];
             // Morph targets are small beside what joints do.
@@ -158,21 +176,40 @@ impl Below {
     }
 }
 
-fn length(target: &MorphTarget, areas: &[f64]) -> f32 {
-    let deltas = target.deltas.iter();
-    rms(deltas.map(|&(vertex, delta)| (areas[vertex as usize], delta.length_squared())))
+/// Of the vertices that a target moves, in the world at rest: bind space may be smaller or larger.
+fn length(model: &Model, target: &MorphTarget, rest: &[Affine3A], areas: &[f64]) -> f32 {
+    rms(target.deltas.iter().map(|&(vertex, delta)| {
+        let influences = model.vertices[vertex as usize].influences.iter();
+        let moved: Vec3 = influences
+            .filter(|&&(_, weight)| weight != 0.0)
+            .map(|&(bind, weight)| weight * rest[usize::from(bind)].transform_vector3(delta))
+            .sum();
+        let moved = if rest.is_empty() { delta } else { moved };
+        (areas[vertex as usize], moved.length_squared())
+    }))
 }
 
-/// Of the fastest moment, m/s.
+/// Bind space → world of each bind.
+fn matrices(model: &Model, pose: &Pose) -> Vec<Affine3A> {
+    let worlds = pose.joint_worlds(model);
+    model.binds.iter().map(|bind| worlds[usize::from(bind.joint)] * bind.inverse).collect()
+}
+
+/// Of the fastest instant, m/s.
 fn speed(model: &Model, clip: usize, areas: &[f64]) -> f32 {
-    let end = (model.clips[clip].seconds - INSTANT).max(0.0);
-    let at = |seconds: f32| posed_vertices(model, &Pose::of_clip(model, clip, seconds));
-    let speed = |seconds: f32| {
-        let (before, after) = (at(seconds), at(seconds + INSTANT));
-        let squares = before.iter().zip(&after).map(|(a, b)| (*a - *b).length_squared());
-        rms(areas.iter().copied().zip(squares)) / INSTANT
+    let length = model.clips[clip].seconds;
+    let instants = (length / INSTANT).ceil().max(1.0) as usize;
+    let at = |instant: usize| {
+        let seconds = length * instant as f32 / instants as f32;
+        posed_vertices(model, &Pose::of_clip(model, clip, seconds))
     };
-    moments(end).map(speed).fold(0.0, f32::max).min(1e6)
+    let instant = length.max(1e-6) / instants as f32;
+    let speed = |index: usize| {
+        let (before, after) = (at(index), at(index + 1));
+        let squares = before.iter().zip(&after).map(|(a, b)| (*a - *b).length_squared());
+        rms(areas.iter().copied().zip(squares)) / instant
+    };
+    (0..instants).into_par_iter().map(speed).reduce(|| 0.0, f32::max).min(MOST)
 }
 
 #[cfg(test)]
@@ -205,18 +242,33 @@ mod tests {
     #[test]
     fn authors_may_know_better() {
         let model = demo_avatar();
-        let mut movements = measure(&model);
-        let (joint, target) = (&model.joints[3].name, &model.morph_targets[1].name);
-        let [first, second] = [(joint, 0.5), (target, 0.0)];
-        let edits = [first, second].map(|(name, metres)| Edit { name: name.clone(), metres });
-        let measured = movements.clone();
-        edit(&mut movements, &model, &edits).expect("both are there");
-        assert_eq!((movements.joints[3], movements.targets[1]), (0.5, 0.0));
-        movements.joints[3] = measured.joints[3];
-        movements.targets[1] = measured.targets[1];
-        assert_eq!(movements, measured);
+        let measured = measure(&model);
+        let edited = |name: &str, metres: f32| {
+            let mut movements = measured.clone();
+            edit(&mut movements, &model, &[Edit { name: name.into(), metres }])
+                .expect("it is there");
+            for (index, joint) in model.joints.iter().enumerate() {
+                if let Some(parent) = joint.parent {
+                    assert!(movements.joints[usize::from(parent)] >= movements.joints[index]);
+                }
+            }
+            movements
+        };
+        let joint = |name: &str| {
+            let joint = model.joints.iter().position(|joint| joint.name == name);
+            joint.expect("it is there")
+        };
+        let [upper, hand] = ["upper_arm_right", "hand_right"].map(joint);
+        let lively = edited("hand_right", 1000.0);
+        assert_eq!([lively.joints[upper], lively.joints[hand], lively.joints[0]], [1000.0; 3]);
+        let still = edited("upper_arm_right", 0.0);
+        assert_eq!([still.joints[upper], still.joints[hand]], [0.0; 2]);
+        assert_eq!(still.joints[0], measured.joints[0]);
+        let target = edited(&model.morph_targets[1].name, 1e30);
+        assert_eq!((target.targets[1], &target.joints), (MOST, &measured.joints));
         let absent = [Edit { name: "tail".into(), metres: 1.0 }];
-        let error = edit(&mut movements, &model, &absent).expect_err("it has none").to_string();
+        let error = edit(&mut measured.clone(), &model, &absent).expect_err("it has none");
+        let error = error.to_string();
         assert!(error.starts_with("movement of tail: no joint or morph target; choose one of: "));
     }
 

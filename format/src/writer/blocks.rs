@@ -4,6 +4,7 @@ use core::iter;
 use core::ops::Range;
 
 use crate::curves::{CurvePoint, MAX_OCTAVES, stops};
+use crate::movement::MOST;
 use crate::order::{self, GROUP_LEN};
 use crate::quant::{Full, opacity_code, ycocg_of_rgb};
 use crate::record::{
@@ -90,9 +91,9 @@ fn movement_bytes(movements: &MeasuredMovements, source: &Source) -> Result<Vec<
     let lens = [joints.len(), targets.len(), clips.len()];
     let wanted = [rig.joints.len(), mesh.morph_targets.len(), rig.clips.len()];
     let mut numbers = joints.iter().chain(targets).chain(clips);
-    if lens != wanted || !numbers.clone().all(|number| (0.0..=1e6).contains(number)) {
+    if lens != wanted || !numbers.clone().all(|number| (0.0..=MOST).contains(number)) {
         return refuse(format!(
-            "movements of {lens:?} joints, morph targets and clips: there are {wanted:?}, of 0 to 1e6"
+            "movements of {lens:?} joints, morph targets and clips: there are {wanted:?}, of 0 to {MOST}"
         ));
     }
     // Rounded up: what is left out must not move further than is said.

@@ -1,5 +1,6 @@
 //! What is encoded returns within half a step of its range.
 
+use dermis_format::movement::MOST;
 use dermis_format::quant::{Linear, last_code, quaternion_code, quaternion_value, rooted};
 use dermis_format::record::{F32, ImportanceRecord, Range, ShortRange};
 use dermis_format::rig::Property;
@@ -371,10 +372,16 @@ fn movements_return_rounded_up_and_are_written_where_there_are_any() {
         let found = found.expect("it is there");
         assert!(found >= written && found <= written * (1.0 + 1.0 / 128.0), "{found} {written}");
     }
+    source.movements =
+        Some(MeasuredMovements { joints: vec![MOST, MOST - 4000.0], ..written.clone() });
+    let bytes_of_most = encode(&source).expect("the greatest can be written");
+    let most = Avatar::parse(&bytes_of_most).unwrap().movements().and_then(|m| m.of_joint(0));
+    assert_eq!(most, Some(MOST));
+    source.movements = None;
     let without = encode(&source).unwrap();
     assert_eq!(without.len(), bytes.len() - 12 - 6 * 2);
     assert!(Avatar::parse(&without).unwrap().movements().is_none());
-    for joints in [vec![], vec![1.0], vec![1.0, f32::NAN], vec![1.0, -1.0]] {
+    for joints in [vec![], vec![1.0], vec![1.0, f32::NAN], vec![1.0, -1.0], vec![1.0, 1e6]] {
         source.movements = Some(MeasuredMovements { joints, ..written.clone() });
         assert!(encode(&source).unwrap_err().to_string().contains("movements"));
     }

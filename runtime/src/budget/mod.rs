@@ -48,7 +48,7 @@ impl Budget {
 pub struct Instance<'s, 'a> {
     /// The avatar.
     pub avatar: &'s Avatar<'a>,
-    /// What its regions cover: [`crate::Posed::footprints`].
+    /// What its regions cover: [`crate::Posed::footprints`] of all of it, posed or at rest where [`crate::pose::carried`] takes it.
     pub footprints: Footprints,
     /// How much its error matters beside that of the others, from 0 on; 1 is usual.
     pub weight: f32,
@@ -121,8 +121,7 @@ fn most_steps(instances: &[Instance<'_, '_>]) -> usize {
 /// Plans for all instances, each in its place in `plans`, that spend `budget` where it saves the most error on the screen.
 /// `gaze` weighs the error of each region by where it is.
 ///
-/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (2 layers + 1), 1,300 instructions for each
-/// of 96.
+/// Regions without a footprint get nothing. Costs O(n log n) of n = Σ regions · (2 layers + 1).
 ///
 /// # Errors
 ///

@@ -189,6 +189,64 @@ fn what_moves_less_stays_as_it_rests() {
     assert!(vertices(&avatar, &pose, 2.0) == vertices(&avatar, &pose, 5.0));
 }
 
+/// A morph target that is there at rest stays there, and rests again when a clip hardly moves it.
+#[test]
+fn what_stays_still_is_as_at_rest() {
+    let mut source = rigged();
+    source.mesh.morph_targets[0].default_weight = 0.8;
+    source.rig.clips[0].channels.truncate(3);
+    source.rig.clips[0].channels.push(Channel {
+        property: Property::Weight(0),
+        holds: false,
+        values: vec![0.7, 0.9],
+    });
+    let file = bytes(&source);
+    let avatar = Avatar::parse(&file).unwrap();
+    let rest = vertices(&avatar, &Pose::Rest, 0.0);
+    assert!(vertices(&avatar, &Pose::Rest, 0.3) == rest);
+    assert!(vertices(&avatar, &LATER, f32::INFINITY) == rest);
+    // By 0.05 of 0.5 m it is moved in this moment.
+    assert!(vertices(&avatar, &LATER, 0.02) == vertices(&avatar, &LATER, 0.0));
+    assert!(vertices(&avatar, &LATER, 0.03) != vertices(&avatar, &LATER, 0.0));
+}
+
+/// An avatar is posed for a plan, whether the plan looked for its vertices or all were skinned.
+#[test]
+fn larger_plans_are_refused_near_and_far() {
+    let file = bytes(&rigged());
+    let avatar = Avatar::parse(&file).unwrap();
+    for counts in [[5, 5], [150, 199]] {
+        let plan = Plan::of_counts(&avatar, counts.into_iter());
+        let more = Plan::of_counts(&avatar, counts.into_iter().map(|count| count + 1));
+        let mut scratch = vec![0; Posed::scratch_len_for_plan(&avatar)];
+        let posed = Posed::for_plan(&avatar, &LATER, &plan, Kernel::Scalar, &mut scratch).unwrap();
+        let mut gaussians = [PosedGaussian::default(); 400];
+        assert!(posed.export(&plan, [0.0; 3], Sides::All, &mut gaussians).is_ok());
+        let refused = posed.export(&more, [0.0; 3], Sides::All, &mut gaussians);
+        assert_eq!(refused, Err(Error::Plan));
+    }
+}
+
+/// A chain as long as a file can hold costs little to follow.
+#[test]
+fn joints_under_too_many_carry_nothing() {
+    let mut source = rigged();
+    let joint = |index: usize| Joint {
+        parent: (index > 0).then(|| index as u16 - 1),
+        translation: [0.0; 3],
+        ..Joint::default()
+    };
+    for (count, carries) in [(200, true), (60_000, false)] {
+        source.rig.joints = (0..count).map(joint).collect();
+        source.rig.binds = (0..3).map(|bind| (count as u16 - 3 + bind, IDENTITY)).collect();
+        source.rig.clips[0].channels.truncate(1);
+        source.movements = None;
+        let file = bytes(&source);
+        let avatar = Avatar::parse(&file).unwrap();
+        assert_eq!(carried(&avatar, &LATER) != IDENTITY, carries, "{count} joints");
+    }
+}
+
 /// Half a pixel where the avatar is largest is so many metres; an avatar that nobody sees need not move.
 #[test]
 fn a_budget_of_pixels_is_one_of_metres() {

@@ -63,7 +63,7 @@ impl Approach {
 
     /// Pictures, from where the budget changes on, until plans have as many Gaussians as their budget, or stop rising.
     pub fn pictures_to_rise(&self) -> usize {
-        let later = &self.steps[self.steps.len() / 2..];
+        let later = &self.steps[self.steps.len().div_ceil(2)..];
         let most = later.iter().map(|step| step.gaussians).max().unwrap_or(0);
         later.iter().position(|step| step.gaussians == most).unwrap_or(0)
     }

@@ -70,7 +70,7 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     regions: super::regions::RegionArguments,
     /// How far a joint with all below it, or a morph target, moves the surface, in place of what is measured: little is left out
-    /// sooner, 1000 never; repeatable.
+    /// sooner, 1000 never; joints above move as far, joints below no further; repeatable.
     #[arg(long, value_name = "NAME=METRES", value_parser = movement)]
     movement: Vec<Edit>,
     /// Ground truth held in memory, MB of 2^20 bytes; the rest lies in a temporary file (in TMPDIR).
@@ -173,7 +173,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
 
 fn movement(text: &str) -> Result<Edit, String> {
     let (name, metres) = text.rsplit_once('=').ok_or("give NAME=METRES")?;
-    let metres = metres.parse().ok().filter(|metres| (0.0..=1e6).contains(metres));
-    let metres = metres.ok_or("give metres from 0 to 1e6")?;
+    let metres = metres.parse().ok().filter(|metres| (0.0..=1e5).contains(metres));
+    let metres = metres.ok_or("give metres from 0 to 100000")?;
     Ok(Edit { name: name.into(), metres })
 }
