@@ -21,7 +21,7 @@ pub const MAX_PARTS: usize = 64;
 pub(crate) struct Source<'p, 'a, const EYES: usize> {
     pub(crate) posed: &'p Posed<'p, 'a>,
     pub(crate) plan: &'p Plan,
-    pub(crate) lookers: [Looker<'p>; EYES],
+    pub(crate) lookers: &'p [Looker<'p>; EYES],
 }
 
 /// A camera, and what it looks at.
@@ -147,7 +147,7 @@ impl<'a, const EYES: usize> Source<'_, 'a, EYES> {
                 flush(&mut gathered, &mut sees);
             }
             if EYES > 1 {
-                for (sees, looker) in sees.iter_mut().zip(&self.lookers) {
+                for (sees, looker) in sees.iter_mut().zip(self.lookers) {
                     let shows = place.triangle.is_none_or(|triangle| looker.sees(triangle));
                     *sees |= u64::from(shows) << gathered.len();
                 }

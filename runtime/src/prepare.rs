@@ -92,7 +92,7 @@ impl<'s> Prepared<'s> {
         let mut lent = lent.into_array::<EYES>().map_err(|_| Error::Plan)?;
         let lookers = lent.each_ref().map(|lent| lent.looker);
         let slots = lent.each_mut().map(|lent| Slots { splats: lent.splats, keys: lent.keys });
-        let mut shares = Source { posed, plan, lookers }.split(slots, parts);
+        let mut shares = Source { posed, plan, lookers: &lookers }.split(slots, parts);
         run(&mut shares);
         let mut filled = heapless::Vec::<[Range<usize>; EYES], MAX_PARTS>::new();
         for share in &shares {

@@ -246,15 +246,21 @@ mod tests {
 
     #[test]
     fn one_far_out_gives_way_unless_it_matters() {
-        let with = |worth: f32| {
+        for (worth, end) in [(0.01, 1.0), (1e4, 9.0)] {
             let mut numbers: Vec<(f32, f32)> = (0..255).map(|i| (i as f32 / 254.0, 1.0)).collect();
             numbers.push((9.0, worth));
-            ends(numbers, last_code(5))
-        };
-        let [low, high] = with(0.01);
-        // A few at the ends of the others may go, too.
-        assert!((0.0..0.1).contains(&low) && (0.9..=1.0).contains(&high), "{low} {high}");
-        assert_eq!(with(1e4)[1], 9.0);
+            let last = last_code(5);
+            let found @ [low, high] = ends(numbers.clone(), last);
+            assert!(high == end && (worth > 1.0 || low < 0.1), "{low} {high}");
+            // The best of all ranges between two of the numbers.
+            let places = || numbers.iter().map(|number| number.0);
+            let ranges = places().flat_map(|low| places().map(move |high| [low, high]));
+            let ranges = ranges.filter(|[low, high]| low < high);
+            let errors = ranges.map(|range| error(&numbers, range, last));
+            let least = errors.fold(f64::MAX, f64::min);
+            let found = error(&numbers, found, last);
+            assert!(found <= 1.01 * least, "{low} {high}: {found}, {least} at best");
+        }
     }
 
     #[test]
