@@ -6,6 +6,7 @@ use crate::error::{Error, malformed};
 use crate::header::{Header, MAX_REGIONS, PerLevel};
 use crate::level::Level;
 use crate::level_order::LevelOrder;
+use crate::mesh_levels::MeshLevels;
 use crate::movement::Movements;
 use crate::record::{
     BindRecord, ImportanceRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane,
@@ -26,6 +27,7 @@ pub struct Avatar<'a> {
     bind_weights: &'a [[u8; 4]],
     corners: Indices<'a>,
     sides: &'a [u8],
+    mesh_levels: MeshLevels<'a>,
     triangle_regions: &'a [u8],
     regions: &'a [u8],
     layers: &'a [U32],
@@ -87,6 +89,7 @@ impl<'a> Avatar<'a> {
             bind_weights: &[],
             corners: Indices::Short(&[]),
             sides: &[],
+            mesh_levels: MeshLevels::of_one(header.triangles),
             triangle_regions: &[],
             regions: &[],
             layers: &[],
@@ -115,6 +118,9 @@ impl<'a> Avatar<'a> {
             tag::TRIANGLES => self.take_triangles(payload),
             tag::SIDES => (payload.len() == (header.triangles as usize).div_ceil(8))
                 .then(|| self.sides = payload),
+            tag::MESH_LEVELS => {
+                MeshLevels::split(payload, &header).map(|levels| self.mesh_levels = levels)
+            }
             tag::TRIANGLE_REGIONS => {
                 let valid = payload.len() == header.triangles as usize
                     && payload.iter().all(|&r| r < header.regions);
@@ -385,6 +391,11 @@ impl<'a> Avatar<'a> {
         self.importances.get(region).map_or(1.0, |importance| importance.weight.get())
     }
 
+    /// Which triangles are the surface's, and which those of coarser meshes.
+    pub fn mesh_levels(&self) -> MeshLevels<'a> {
+        self.mesh_levels
+    }
+
     /// How near each region's picture is to the mesh; none if the file leaves it out.
     pub fn curves(&self) -> Option<Curves<'a>> {
         self.curves
@@ -566,6 +577,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::SKIN => "SKIN",
         tag::TRIANGLES => "TRIS",
         tag::SIDES => "SIDE",
+        tag::MESH_LEVELS => "MLEV",
         tag::TRIANGLE_REGIONS => "TREG",
         tag::REGIONS => "REGN",
         tag::LAYERS => "LAYR",

@@ -45,6 +45,8 @@ pub mod tag {
     pub const TRIANGLES: [u8; 4] = *b"TRIS";
     /// A bit per triangle: its back is seen.
     pub const SIDES: [u8; 4] = *b"SIDE";
+    /// Triangles of each coarser mesh.
+    pub const MESH_LEVELS: [u8; 4] = *b"MLEV";
     /// Region of each triangle.
     pub const TRIANGLE_REGIONS: [u8; 4] = *b"TREG";
     /// Names of the regions.

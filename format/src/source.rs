@@ -86,6 +86,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Whether a triangle's back is seen.
     pub two_sided: Vec<bool>,
+    /// How many of the last triangles are those of each coarser mesh, from fine to coarse ([`crate::mesh_levels`]).
+    pub coarser: Vec<u32>,
     /// Region of each triangle; may be empty with one region.
     pub triangle_regions: Vec<u8>,
     /// Morph targets.
@@ -101,6 +103,9 @@ pub struct Morph {
     pub default_weight: f32,
     /// Vertex and its displacement in bind space, metres; vertices ascend, each once.
     pub deltas: Vec<(u32, [f32; 3])>,
+    /// What one code stands for, metres, if that is more than codes of the greatest displacement need: what is finer than anyone
+    /// sees packs badly. Vertices that move less than half as far are left out.
+    pub step: f32,
 }
 
 /// Skeleton and clips.

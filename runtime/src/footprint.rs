@@ -50,11 +50,12 @@ impl Posed<'_, '_> {
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);
-        if self.avatar().header().triangles == 0 {
+        let triangles = self.avatar().mesh_levels().surface();
+        if triangles == 0 {
             let all = of_box(self.avatar(), &view);
             return collected((0..regions).map(|_| all));
         }
-        let blocks = FrameBlock::count(self.avatar().header().triangles);
+        let blocks = FrameBlock::count(triangles);
         let stride = (blocks / SAMPLES / regions.max(1)).max(1);
         let share = blocks.div_ceil(stride.max(1)) as f32 / blocks as f32;
         let sampled = |stride: usize, share: f32, extent: Extent| -> Footprints {
@@ -220,10 +221,13 @@ impl Work for AddFootprints<'_, '_> {
         let [width, height] = view.size();
         let (zero, whole) = (V::splat(token, 0.0), V::splat(token, width * height));
         let mut next = 0;
-        while next < frames.blocks() {
+        // What is behind the surface's covers the same pixels once more.
+        let surface = avatar.mesh_levels().surface() as usize;
+        while next * MAX_LANES < surface {
             let index = next;
             next += stride.max(1);
             let Some((block, made)) = frames.block(index) else { continue };
+            let made = made & first_lanes(surface - MAX_LANES * index);
             let two_sided = u32::from(avatar.two_sided_of_sixteen(index));
             // Each lane of the sixteen has sums of its own, so that they do not depend on how many are added at once.
             let mut numbers = [[0.0; MAX_LANES]; 5];
@@ -249,6 +253,12 @@ impl Work for AddFootprints<'_, '_> {
             sums.add(avatar, MAX_LANES * index, &numbers);
         }
     }
+}
+
+/// Bits of the first `count` lanes of sixteen.
+#[inline(always)]
+fn first_lanes(count: usize) -> u32 {
+    (1 << count.min(MAX_LANES)) - 1
 }
 
 /// 1 in the lanes whose bit is set, else 0.

@@ -57,11 +57,6 @@ impl<'s> Frames<'s> {
         Self { blocks, made }
     }
 
-    /// How many blocks there are, made or not.
-    pub(crate) fn blocks(&self) -> usize {
-        self.blocks.len()
-    }
-
     /// A block of which some was framed, and bits of these.
     #[inline(always)]
     pub(crate) fn block(&self, index: usize) -> Option<(&'s FrameBlock, u32)> {

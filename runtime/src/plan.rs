@@ -120,6 +120,20 @@ impl Plan {
         Self::of_counts(avatar, counts).with_still_below(self.still_below)
     }
 
+    /// This plan, but a region that had nearly as many Gaussians in the frame `before`, and no more, keeps those: where it has
+    /// more by up to `share` of them. A count that trembles with its camera or its neighbours then stands still. It never has
+    /// more than this plan, and so keeps its budget; a share that is not above 0 holds nothing.
+    pub fn holding_from(&self, avatar: &Avatar<'_>, before: &Self, share: f32) -> Self {
+        let counts = self.regions.iter().enumerate().map(|(region, plan)| {
+            let held = before.regions.get(region).map_or(0, |plan| plan.count);
+            // In f64: f32 cannot hold counts of more than 2²⁴.
+            let more = f64::from(plan.count) - f64::from(held);
+            let nearly = more >= 0.0 && more <= f64::from(share) * f64::from(held);
+            if nearly { held } else { plan.count }
+        });
+        Self::of_counts(avatar, counts).with_still_below(self.still_below)
+    }
+
     /// Gaussians of all regions. Those whose opacity at the plan's level is under 0.005 are counted
     /// though they are not drawn: a prefix is known by its length alone.
     pub fn gaussians(&self) -> u32 {

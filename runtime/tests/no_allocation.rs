@@ -68,6 +68,7 @@ fn rigged() -> Source {
         name: "lift".into(),
         default_weight: 0.5,
         deltas: vec![(1, [0.0, 0.1, 0.0])],
+        ..Morph::default()
     }];
     let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
     let channel =

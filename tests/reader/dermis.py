@@ -227,6 +227,12 @@ def read_sides(b, h):
     return [row[t // 8] >> t % 8 & 1 for t in range(h.triangles)]
 
 
+def read_mesh_levels(b, h):
+    coarser = b.column("I", b.left() // 4)
+    b.need(len(coarser) <= 15 and sum(coarser) < h.triangles and all(coarser), f"meshes of {coarser} triangles")
+    return coarser
+
+
 def read_joints(b, h):
     joints = b.rows("H10f", h.joints)
     for index, (parent, *numbers) in enumerate(joints):
@@ -297,6 +303,7 @@ TABLES = {
     "TRIS": (lambda h: h.triangles, lambda b, h: b.below(h.vertices, "vertex", *b.column(h.index, h.triangles * 3))),
     "SKIN": (lambda h: h.binds, read_skin),
     "SIDE": (lambda h: False, read_sides),
+    "MLEV": (lambda h: False, read_mesh_levels),
     "TREG": (lambda h: False, lambda b, h: b.below(h.regions, "region", *b.take(h.triangles))),
     "JNTS": (lambda h: h.joints, read_joints),
     "JNAM": (lambda h: False, lambda b, h: b.names(h.joints)),

@@ -72,6 +72,7 @@ fn ribbon() -> Source {
                 deltas: (8..14)
                     .map(|v| (v, [if v % 2 == 0 { -0.15 } else { 0.15 }, 0.0, 0.0]))
                     .collect(),
+                ..Morph::default()
             }],
         },
         rig: Rig {

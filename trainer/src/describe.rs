@@ -1,5 +1,8 @@
 //! What a file holds, byte by byte.
 
+use core::ops::Range;
+use std::collections::HashSet;
+
 use dermis_format::Records;
 use dermis_format::section::{self, preamble};
 use dermis_runtime::Avatar;
@@ -78,10 +81,23 @@ pub struct Mesh {
     pub triangles: u32,
     /// Those whose back is drawn, too.
     pub two_sided: usize,
+    /// Meshes on which the first Gaussians stand, from fine to coarse.
+    pub coarser: Vec<CoarserMesh>,
     /// Joints of the skeleton.
     pub joints: u16,
     /// Morph targets.
     pub morph_targets: u16,
+}
+
+/// A coarser mesh of the same vertices.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CoarserMesh {
+    /// Its triangles.
+    pub triangles: usize,
+    /// Vertices of these.
+    pub vertices: usize,
+    /// Gaussians that stand on them.
+    pub gaussians: usize,
 }
 
 /// How far a joint or a morph target moves the surface.
@@ -120,6 +136,7 @@ impl Info {
     /// Of a file.
     pub fn of(avatar: &Avatar<'_>) -> Self {
         let header = avatar.header();
+        let surface = avatar.mesh_levels().surface();
         let sections = parts(avatar);
         let blocks = sections.iter().filter(|part| ["BLCK", "LEVL"].contains(&&*part.name));
         let blocks: usize = blocks.map(|part| part.bytes).sum();
@@ -132,10 +149,9 @@ impl Info {
             regions: regions(avatar),
             mesh: Mesh {
                 vertices: header.vertices,
-                triangles: header.triangles,
-                two_sided: (0..header.triangles as usize)
-                    .filter(|&t| avatar.is_two_sided(t))
-                    .count(),
+                triangles: surface,
+                two_sided: (0..surface as usize).filter(|&t| avatar.is_two_sided(t)).count(),
+                coarser: coarser(avatar),
                 joints: header.joints,
                 morph_targets: header.morph_targets,
             },
@@ -174,6 +190,19 @@ fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
     }
 }
 
+fn coarser(avatar: &Avatar<'_>) -> Vec<CoarserMesh> {
+    let mesh = |triangles: Range<u32>| {
+        let corners = triangles.clone().flat_map(|triangle| avatar.triangle(triangle as usize));
+        let on_it = avatar.blocks().flat_map(|block| block.triangles.iter());
+        CoarserMesh {
+            triangles: triangles.len(),
+            vertices: corners.collect::<HashSet<u32>>().len(),
+            gaussians: on_it.filter(|triangle| triangles.contains(triangle)).count(),
+        }
+    };
+    avatar.mesh_levels().ranges().skip(1).map(mesh).collect()
+}
+
 fn movements(avatar: &Avatar<'_>) -> Vec<Movement> {
     let Some(measured) = avatar.movements() else { return Vec::new() };
     let joints = (0..).map_while(|joint| Some((joint, measured.of_joint(joint)?)));
@@ -190,7 +219,7 @@ fn movements(avatar: &Avatar<'_>) -> Vec<Movement> {
 }
 
 fn regions(avatar: &Avatar<'_>) -> Vec<Region> {
-    let triangles = avatar.header().triangles as usize;
+    let triangles = avatar.mesh_levels().surface() as usize;
     let region = |(index, name): (usize, &str)| Region {
         name: name.into(),
         triangles: (0..triangles)

@@ -39,6 +39,7 @@ pub mod methods;
 pub mod metrics;
 pub mod model;
 pub mod movements;
+mod nearest;
 pub mod optimize;
 pub mod options;
 pub mod orbit;

@@ -65,6 +65,9 @@ pub struct Options {
     pub detail: Detail,
     /// Parts of the mesh with an order of their own, beside the rest; of [`Method::Dermis`] alone.
     pub regions: Vec<Region>,
+    /// Meshes, the first Gaussians standing on coarser ones: layer i on the i-th coarsest. 1: all on the surface itself, and so in all
+    /// methods but [`Method::Dermis`].
+    pub mesh_levels: u32,
     /// How far joints and morph targets move the mesh, where the author knows better than what is measured.
     pub movements: Vec<Edit>,
     /// Bound of the ground truth that is held in memory, bytes; the rest lies in a temporary file.
@@ -111,6 +114,7 @@ impl Options {
             },
             detail: Detail::default(),
             regions: Vec::new(),
+            mesh_levels: 1,
             movements: Vec::new(),
             memory_bytes: 2048 << 20,
         }
@@ -134,6 +138,14 @@ impl Options {
             max_loss_db: self.max_loss_db,
             random_background: 0.3,
         }
+    }
+
+    /// Gaussians that stand on each coarser mesh or coarser ones still, from fine to coarse.
+    pub fn coarser_counts(&self) -> Vec<u32> {
+        let coarser =
+            (self.mesh_levels.saturating_sub(1)).min(self.levels.saturating_sub(1)) as usize;
+        let layers = self.layers(self.gaussians);
+        (1..=coarser).rev().map(|layers_on_it| layers[..layers_on_it].iter().sum()).collect()
     }
 
     /// Gaussians of each layer of a nested order of `count`: each layer but the first holds three

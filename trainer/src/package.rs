@@ -7,8 +7,9 @@ use dermis_format::rig::Property;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
-use glam::{Affine3A, Quat};
+use glam::{Affine3A, Quat, Vec3};
 
+use crate::embed::mesh_levels::CoarserMesh;
 use crate::embed::regions::Regions;
 use crate::model::{ChannelTarget, Interpolation, Model};
 use crate::movements;
@@ -18,9 +19,15 @@ use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 /// Clips are resampled at this rate, keys per second.
 pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
+/// A step of a morph target, to the longest side of the mesh: a thirtieth of a pixel where that is 540 px long.
+const MORPH_STEP: f32 = 1.0 / 16_384.0;
+
 /// The mesh, rig and clips of `model`, without Gaussians.
 pub fn rigged_mesh(model: &Model) -> Source {
     let rest = Bounds::of(&posed_vertices(model, &Pose::rest(model)));
+    let unposed: Vec<Vec3> = model.vertices.iter().map(|vertex| vertex.position).collect();
+    let Bounds { min, max } = Bounds::of(&unposed);
+    let step = (max - min).max_element() * MORPH_STEP;
     let bound = !model.binds.is_empty();
     let moves = !model.joints.is_empty() || !model.morph_targets.is_empty();
     Source {
@@ -33,8 +40,9 @@ pub fn rigged_mesh(model: &Model) -> Source {
             },
             triangles: model.triangles.iter().map(|t| t.corners).collect(),
             two_sided: vec![false; model.triangles.len()],
+            coarser: Vec::new(),
             triangle_regions: Vec::new(),
-            morph_targets: model.morph_targets.iter().map(morph).collect(),
+            morph_targets: model.morph_targets.iter().map(|target| morph(target, step)).collect(),
         },
         rig: Rig {
             joints: model.joints.iter().map(joint).collect(),
@@ -54,6 +62,21 @@ pub fn with_regions(mut source: Source, regions: &Regions) -> Source {
     let named = |name: &String| Region { name: name.clone(), layers: vec![0], ..Region::default() };
     source.regions = regions.names.iter().map(named).collect();
     source.mesh.triangle_regions = regions.of_triangles.clone();
+    source
+}
+
+/// Adds coarser meshes, from fine to coarse, behind the triangles of the surface, whose regions they take over. They show
+/// both sides: where the surface bends out of sight one by one, a triangle of few would take all at once that still shows.
+pub fn with_coarser(mut source: Source, meshes: &[CoarserMesh]) -> Source {
+    let mesh = &mut source.mesh;
+    for CoarserMesh { triangles, originals } in meshes {
+        mesh.triangles.extend(triangles);
+        for &original in originals {
+            mesh.two_sided.push(true);
+            mesh.triangle_regions.push(mesh.triangle_regions[original as usize]);
+        }
+        mesh.coarser.push(triangles.len() as u32);
+    }
     source
 }
 
@@ -148,11 +171,12 @@ fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
     core::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
 }
 
-fn morph(target: &crate::model::MorphTarget) -> Morph {
+fn morph(target: &crate::model::MorphTarget, step: f32) -> Morph {
     Morph {
         name: target.name.clone(),
         default_weight: target.default_weight,
         deltas: target.deltas.iter().map(|(vertex, delta)| (*vertex, delta.to_array())).collect(),
+        step,
     }
 }
 

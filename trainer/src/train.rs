@@ -6,6 +6,7 @@ use dermis_runtime::Pose;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, Journal};
+use crate::embed::mesh_levels;
 use crate::embed::sides::two_sided;
 use crate::methods::{Culling, Method, Parts, Workshop};
 use crate::model::Model;
@@ -77,6 +78,9 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
+    let counts = options.coarser_counts();
+    let coarser = mesh_levels::coarser(model, &parts.regions, &key_frames, &counts);
+    let source = package::with_coarser(source, &coarser);
     let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, parts, options)?;
     if let Some(journal) = journal {
         workshop.keep(journal);

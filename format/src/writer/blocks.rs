@@ -8,14 +8,14 @@ use crate::movement::MOST;
 use crate::order::{self, GROUP_LEN};
 use crate::quant::{Full, opacity_code, ycocg_of_rgb};
 use crate::record::{
-    self, Bf16, BlockRecord, CurvePointRecord, CurvesRecord, DiscWidths, FullGroup,
-    ImportanceRecord, KeyFrameRecord, U32,
+    self, Bf16, BlockRecord, CurvePointRecord, CurvesRecord, FullGroup, ImportanceRecord,
+    KeyFrameRecord, U32,
 };
 use crate::section::tag;
 use crate::source::{Gaussians, Importance, MeasuredCurves, MeasuredMovements, Region, Source};
 use crate::triangles;
 
-use super::discs::disc_bytes;
+use super::discs::{disc_bytes, widths_at};
 use super::levels::{check_levels, write_levels};
 use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section};
 
@@ -116,7 +116,7 @@ pub(super) fn write_blocks(out: &mut Vec<u8>, source: &Source) -> Result<(), Enc
     blocks.sort_unstable();
     for (_, index, layer, first, count) in blocks {
         let region = &source.regions[index];
-        write_levels(out, region, index as u8, layer, first, widths(source, layer))?;
+        write_levels(out, region, index as u8, layer, first, source)?;
         let payload = block_payload(region, index as u8, layer, (first, count), source)?;
         section(out, tag::BLOCK, &payload)?;
     }
@@ -183,7 +183,9 @@ fn block_payload(
     }
     match &region.gaussians {
         Gaussians::Disc(discs) => {
-            payload.extend(disc_bytes(&discs[places.clone()], widths(source, layer))?);
+            let layer = usize::from(layer);
+            let widths = widths_at(&source.widths, layer, layer, source.mesh.coarser.len());
+            payload.extend(disc_bytes(&discs[places.clone()], widths)?);
         }
         Gaussians::Full(_) => payload.extend(full_bytes(region, places.clone())?),
     }
@@ -213,11 +215,6 @@ fn triangle_bytes(triangles: &[u32], region: &Region) -> Result<Vec<u8>, EncodeE
         return refuse(format!("region {}: a block's triangles are too far apart", region.name));
     };
     Ok(bytes)
-}
-
-/// Bits of the discs' numbers at a level.
-fn widths(source: &Source, level: u8) -> DiscWidths {
-    source.widths.get(usize::from(level)).copied().unwrap_or_default()
 }
 
 fn own_opacity_code(region: &Region, place: usize) -> u8 {

@@ -8,6 +8,19 @@ use crate::record::{DiscGroup, DiscWidths, ShortRange};
 
 use super::{EncodeError, bytes_of, extent, refuse};
 
+/// Bits of the numbers that discs of a layer have at a level of a file whose levels have `widths`, 8 each where there are none.
+///
+/// Frames of coarser meshes, on which the first `coarser` layers stand, are large, and so is a step of a position there. Later
+/// levels show more than those meshes are for: at these such positions have all 8 bits.
+pub fn widths_at(widths: &[DiscWidths], level: usize, layer: usize, coarser: usize) -> DiscWidths {
+    let usual = widths.get(level).copied().unwrap_or_default();
+    if layer < coarser && layer < level {
+        DiscWidths { position: DiscWidths::default().position, ..usual }
+    } else {
+        usual
+    }
+}
+
 /// The discs of one block at one level: widths, groups, records.
 pub(super) fn disc_bytes(discs: &[Disc], widths: DiscWidths) -> Result<Vec<u8>, EncodeError> {
     let layout = layout(widths)?;

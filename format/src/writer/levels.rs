@@ -6,7 +6,7 @@ use crate::record::{BlockRecord, DiscWidths};
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
 
-use super::discs::disc_bytes;
+use super::discs::{disc_bytes, widths_at};
 use super::{EncodeError, bytes_of, narrow, refuse, section};
 
 /// Whether any Gaussian has parameters of its own at a later level.
@@ -55,13 +55,15 @@ pub(super) fn write_levels(
     index: u8,
     layer: u8,
     first: u32,
-    widths: DiscWidths,
+    source: &Source,
 ) -> Result<(), EncodeError> {
     let start: u32 = region.layers.iter().take(layer.into()).sum();
     if !has_levels(region) || first == 0 || first != start {
         return Ok(());
     }
-    for (_, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
+    for (own, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
+        let coarser = source.mesh.coarser.len();
+        let widths = widths_at(&source.widths, layer.into(), own.into(), coarser);
         let payload = level_payload(region, index, layer, (first, count), widths)?;
         section(out, tag::LEVEL, &payload)?;
     }

@@ -2,7 +2,7 @@
 
 use crate::header::Header;
 use crate::quant::Linear;
-use crate::record::{MorphRecord, Range, VertexRecord};
+use crate::record::{MorphRecord, Range, U32, VertexRecord};
 use crate::section::tag;
 use crate::source::{Mesh, Morph};
 
@@ -98,6 +98,10 @@ pub(super) fn write_mesh(
         }
         section(out, tag::SIDES, &bits)?;
     }
+    if !mesh.coarser.is_empty() {
+        let triangles: Vec<U32> = mesh.coarser.iter().map(|&n| n.into()).collect();
+        section(out, tag::MESH_LEVELS, bytes_of(&triangles))?;
+    }
     if header.regions > 1 {
         section(out, tag::TRIANGLE_REGIONS, &mesh.triangle_regions)?;
     }
@@ -149,7 +153,12 @@ pub(super) fn morph_payload(morph: &Morph, vertices: u32) -> Result<Vec<u8>, Enc
     if !greatest.is_finite() {
         return refuse(format!("morph target {name}: a displacement is not finite"));
     }
-    let step = greatest / f32::from(i16::MAX);
+    let finest = greatest / f32::from(i16::MAX);
+    let step = if morph.step > finest { morph.step } else { finest };
+    let codes =
+        |delta: [f32; 3]| delta.map(|x| if step > 0.0 { (x / step).round() as i16 } else { 0 });
+    let moved = morph.deltas.iter().map(|&(vertex, delta)| (vertex, codes(delta)));
+    let moved: Vec<(u32, [i16; 3])> = moved.filter(|(_, codes)| *codes != [0; 3]).collect();
     let head = MorphRecord {
         step: step.into(),
         default_weight: morph.default_weight.into(),
@@ -157,9 +166,8 @@ pub(super) fn morph_payload(morph: &Morph, vertices: u32) -> Result<Vec<u8>, Enc
     };
     let mut payload = bytes_of(&[head]).to_vec();
     payload.extend(name.as_bytes());
-    payload.extend(vertex_indices(morph.deltas.iter().map(|(vertex, _)| *vertex), vertices));
-    for (_, delta) in &morph.deltas {
-        let codes = delta.map(|x| if step > 0.0 { (x / step).round() as i16 } else { 0 });
+    payload.extend(vertex_indices(moved.iter().map(|(vertex, _)| *vertex), vertices));
+    for (_, codes) in moved {
         payload.extend(codes.into_iter().flat_map(i16::to_le_bytes));
     }
     Ok(payload)

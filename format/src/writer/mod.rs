@@ -12,7 +12,7 @@ use crate::header::{Header, PerLevel, RecordKind};
 use crate::section::{MAGIC, Section, VERSION, preamble, preamble_crc, section_crc, tag};
 use crate::source::{Gaussians, Source};
 
-pub use discs::{packed, stored};
+pub use discs::{packed, stored, widths_at};
 
 use blocks::{write_blocks, write_regions};
 use levels::has_levels;

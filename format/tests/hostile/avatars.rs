@@ -218,6 +218,7 @@ pub(crate) fn rigged() -> Source {
             name: "smile".into(),
             default_weight: 0.5,
             deltas: vec![(1, [0.1, 0.0, -0.2]), (4, [0.0, 0.3, 0.0])],
+            ..Morph::default()
         },
         Morph { name: "nothing".into(), ..Morph::default() },
     ];
@@ -245,6 +246,7 @@ pub(crate) fn rigged() -> Source {
         ],
     };
     source.key_frames = vec![(None, 0.0), (Some(0), 1.5)];
+    source.mesh.coarser = vec![1];
     source.movements = Some(MeasuredMovements {
         joints: vec![1.5, 0.3],
         targets: vec![0.26, 0.0],

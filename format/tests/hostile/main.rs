@@ -326,7 +326,7 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
     let header = header_bytes(&header());
-    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV", *b"MOVE"];
+    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV", *b"MOVE", *b"MLEV"];
     for left_out in 0..all.len() {
         let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
         let (tag, _) = sections.remove(left_out);
@@ -399,6 +399,43 @@ fn movements_out_of_their_limits_are_refused() {
             payload[at..at + 2].copy_from_slice(&number.to_le_bytes()[2..]);
             assert!(!parse_and_walk(&with(&payload)), "{number} at {at}");
         }
+    }
+}
+
+#[test]
+fn meshes_that_leave_no_surface_are_refused() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let triangles = avatar.header().triangles;
+    let meshes: Vec<_> = avatar.mesh_levels().ranges().collect();
+    assert_eq!(meshes, [0..triangles - 1, triangles - 1..triangles]);
+    let with = |counts: &[u32]| {
+        let payload: Vec<u8> = counts.iter().flat_map(|n| n.to_le_bytes()).collect();
+        with_payload(&avatar, *b"MLEV", &payload)
+    };
+    assert!(parse_and_walk(&with(&[])) && parse_and_walk(&with(&[triangles - 1])));
+    for counts in [&[0][..], &[triangles], &[1, 0], &[1, u32::MAX], &[u32::MAX, 2], &[1; 16]] {
+        assert!(!parse_and_walk(&with(counts)), "{counts:?}");
+    }
+    for len in [1, 3, 5] {
+        assert!(!parse_and_walk(&with_payload(&avatar, *b"MLEV", &[1; 5][..len])), "{len} bytes");
+    }
+}
+
+/// Morph targets whose author asks for a coarse step lose what is under half of it, and the vertices that move no further.
+#[test]
+fn steps_of_morph_targets_are_as_coarse_as_is_asked() {
+    let mut source = avatars::rigged();
+    source.mesh.morph_targets[0].deltas = vec![(1, [0.1, 0.004, -0.2]), (4, [0.004, 0.0, 0.0])];
+    for (step, vertices, within) in [(0.0, 2, 1e-5), (1e-9, 2, 1e-5), (0.01, 1, 0.005)] {
+        source.mesh.morph_targets[0].step = step;
+        let bytes = encode(&source).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        let target = avatar.morph_targets().next().unwrap();
+        assert_eq!(target.vertices.iter().count(), vertices, "{step}");
+        let found = target.deltas[0].map(|code| f32::from(code.get()) * target.step);
+        let wanted = [0.1, 0.004, -0.2];
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() <= within), "{found:?}");
     }
 }
 

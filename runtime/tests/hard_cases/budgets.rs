@@ -9,7 +9,7 @@ use dermis_runtime::project::View;
 use dermis_runtime::{Avatar, Camera, Error, Kernel, Plan, Pose, Posed};
 use proptest::prelude::*;
 
-use crate::scenes::{DOT, UNIT, bytes, crowd, sheet};
+use crate::scenes::{DOT, UNIT, bytes, camera, crowd, sheet};
 
 /// Regions with these layers and, if any, curves of two octaves from these numbers.
 fn measured(layers: &[Vec<u32>], numbers: &[[f32; 2]]) -> Source {
@@ -169,6 +169,31 @@ proptest! {
 
     /// No other sharing out of a few Gaussians, by levels, is better.
     #[test]
+    fn counts_that_tremble_are_held_and_never_over_their_plan(
+        file in any_avatar(),
+        first in 0u32..800,
+        budgets in prop::collection::vec(0u32..800, 1..20),
+        share in prop_oneof![0f32..1.0, Just(f32::NAN), -1f32..0.0],
+    ) {
+        let avatar = Avatar::parse(&file).unwrap();
+        let mut before = Plan::with_budget(&avatar, first);
+        for budget in budgets {
+            let wanted = Plan::with_budget(&avatar, budget);
+            let now = wanted.holding_from(&avatar, &before, share);
+            let counts = now.regions().iter().zip(wanted.regions()).zip(before.regions());
+            for ((now, wanted), before) in counts {
+                let most = f64::from(before.count) * (1.0 + f64::from(share));
+                let held = wanted.count >= before.count && f64::from(wanted.count) <= most;
+                prop_assert_eq!(now.count, if held { before.count } else { wanted.count });
+                prop_assert!(now.count <= wanted.count);
+            }
+            // Held once it is held again: what trembles between the two stands still.
+            prop_assert_eq!(&wanted.holding_from(&avatar, &now, share), &now);
+            before = now;
+        }
+    }
+
+    #[test]
     fn no_plan_of_whole_levels_is_better(
         files in prop::collection::vec(any_avatar(), 2),
         footprints in prop::collection::vec(any_footprint(), 6),
@@ -301,6 +326,28 @@ fn footprints_do_not_depend_on_the_kernel() {
     for kernel in Kernel::available() {
         assert_eq!(of(kernel), expected, "{}", kernel.name());
     }
+}
+
+/// What stands behind the surface's triangles carries Gaussians and covers nothing.
+#[test]
+fn footprints_are_of_the_surface_alone() {
+    let mut source = crowd();
+    let file = bytes(&source);
+    let again: Vec<[u32; 3]> = source.mesh.triangles.iter().step_by(3).copied().collect();
+    source.mesh.coarser = vec![again.len() as u32 - 2, 2];
+    source.mesh.triangles.extend(again);
+    source.mesh.two_sided.resize(source.mesh.triangles.len(), true);
+    source.mesh.triangle_regions.resize(source.mesh.triangles.len(), 0);
+    let with_coarser = bytes(&source);
+    let camera = camera(90, 70, 80.0, 1.1);
+    let of = |file: &[u8]| {
+        let avatar = Avatar::parse(file).unwrap();
+        let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+        let posed = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch).unwrap();
+        posed.footprints(&camera)
+    };
+    assert!(of(&file)[0].area > 10.0);
+    assert_eq!(of(&with_coarser), of(&file));
 }
 
 /// A mesh of which one triangle in seven is looked at, its parts of all sizes, near and far, and turned away.

@@ -155,6 +155,7 @@ pub(crate) fn rigged() -> Source {
         name: "lift".into(),
         default_weight: 0.0,
         deltas: (3..6).map(|v| (v, [0.0, 0.5, 0.0])).collect(),
+        ..Morph::default()
     }];
     let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
     source.rig = Rig {

@@ -37,6 +37,7 @@ fn rigged() -> Source {
         name: name.into(),
         default_weight: 0.0,
         deltas: (first..first + 30).map(|vertex| (vertex, [0.0, length, 0.1])).collect(),
+        ..Morph::default()
     };
     source.mesh.morph_targets = vec![morph("far", 5, 0.5), morph("near", 60, 0.01)];
     let channel =

@@ -91,6 +91,11 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
 
 fn add_rig(avatar: &Avatar<'_>, columns: &mut Columns) {
     let mut add = |place: String, words: Vec<u32>| columns.insert(place, words);
+    let coarser = avatar.mesh_levels().ranges().skip(1).map(|triangles| triangles.len() as u32);
+    let coarser: Vec<u32> = coarser.collect();
+    if !coarser.is_empty() {
+        add("MLEV".into(), coarser);
+    }
     if let Some(movements) = avatar.movements() {
         let joints = (0..).map_while(|joint| movements.of_joint(joint));
         let targets = (0..).map_while(|target| movements.of_target(target));

@@ -36,6 +36,13 @@ pub(crate) fn text(info: &Info) -> String {
         "mesh    {} vertices, {} triangles ({} two-sided), {} joints, {} morph targets",
         mesh.vertices, mesh.triangles, mesh.two_sided, mesh.joints, mesh.morph_targets
     );
+    for coarser in &mesh.coarser {
+        let _ = writeln!(
+            out,
+            "coarser {} vertices, {} triangles, {} Gaussians",
+            coarser.vertices, coarser.triangles, coarser.gaussians
+        );
+    }
     for (level, layer) in info.layers.iter().enumerate() {
         let bits =
             layer.bits_per_disc.map_or(String::new(), |bits| format!(", {bits} bits a disc"));

@@ -46,6 +46,9 @@ pub(crate) struct Arguments {
     /// lapisgs, face-lod, formats: Gaussians of the finest level.
     #[arg(long, default_value_t = 75_000, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
     gaussians: u32,
+    /// face-lod: meshes, the first Gaussians standing on coarser ones.
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
+    mesh_levels: u32,
     /// What the few bits of the file's numbers may cost a level, dB.
     #[arg(long, default_value_t = MAX_LOSS_DB, value_name = "X", value_parser = super::not_negative)]
     max_loss_db: f32,
@@ -112,6 +115,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         size: arguments.size.unwrap_or(preset.size),
         seed: common.seed,
         max_loss_db: arguments.max_loss_db,
+        mesh_levels: arguments.mesh_levels,
         ..preset
     };
     let measure = Measure { key_frames: options.key_frames, views: options.views };

@@ -69,6 +69,10 @@ pub(crate) struct Arguments {
     detail: super::detail::DetailArguments,
     #[command(flatten)]
     regions: super::regions::RegionArguments,
+    /// Meshes: the first Gaussians stand on coarser ones, layer i on the i-th coarsest, so that an avatar far away poses few
+    /// vertices; 1: all on the surface itself.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=8))]
+    mesh_levels: u32,
     /// How far a joint with all below it, or a morph target, moves the surface, in place of what is measured: little is left out
     /// sooner, 1000 never; joints above move as far, joints below no further; repeatable.
     #[arg(long, value_name = "NAME=METRES", value_parser = movement)]
@@ -150,10 +154,17 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
             "--gaussians: lodavatar's count follows from the mesh; choose --levels instead",
         );
     }
+    let levels = arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels });
+    if arguments.mesh_levels > 1 && arguments.method != Method::Dermis {
+        super::misuse("--mesh-levels: only the method dermis has coarser meshes; leave it out");
+    }
+    if arguments.mesh_levels > levels {
+        super::misuse(&format!("--mesh-levels: choose at most {levels}, as many as --levels"));
+    }
     Ok(Options {
         method: arguments.method,
         gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
-        levels: arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels }),
+        levels,
         steps: arguments.steps.unwrap_or(preset.steps),
         survey_steps: arguments.survey_steps.unwrap_or(preset.survey_steps),
         blend_price: arguments.blend_price,
@@ -165,6 +176,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         seed: common.seed,
         detail: arguments.detail.detail(arguments.method)?,
         regions: arguments.regions.regions()?,
+        mesh_levels: arguments.mesh_levels,
         movements: arguments.movement.clone(),
         memory_bytes: arguments.memory << 20,
         ..preset

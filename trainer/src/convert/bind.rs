@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use super::assembly::{Assembly, Carrier, Mount};
 use super::local::local;
-use super::nearest::Nearest;
 use super::splats::Splats;
+use crate::nearest::Nearest;
 
 /// A triangle whose height over the longest side is less than this share of it carries nothing: what
 /// opens in another pose would draw a Gaussian out without end.

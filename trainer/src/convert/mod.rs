@@ -28,7 +28,6 @@ mod detect;
 mod gaussian_avatars;
 mod lapisgs;
 mod local;
-mod nearest;
 mod nested;
 mod ply;
 mod splat;

@@ -27,7 +27,7 @@ pub fn seed(
     let log2_sigma = libm::log2f(SIGMA_PER_SPACING) + 0.5 * libm::log2f(share);
     let (angle, round) = surface.round_disc(point.triangle);
     let parameters = Parameters {
-        position: surface.local(point),
+        position: surface.local(point.triangle, surface.position(point)),
         angle,
         log2_scale: round.map(|scale| (log2_sigma + scale).clamp(-30.0, 30.0)),
         logit: libm::logf(opacity / (1.0 - opacity)),

@@ -62,10 +62,20 @@ impl Surface {
         a * w.x + b * w.y + c * w.z
     }
 
-    /// A point in the frame of its triangle.
-    pub fn local(&self, point: &SurfacePoint) -> [f32; 3] {
-        let Some(frame) = &self.frames[point.triangle as usize] else { return [0.0; 3] };
-        let arm = self.position(point) - Vec3::from(frame.origin);
+    /// Corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.corners[triangle as usize]
+    }
+
+    /// A point of the frame of a triangle in the world; the origin where it has none.
+    pub fn point(&self, triangle: u32, local: [f32; 3]) -> Vec3 {
+        self.frames[triangle as usize].as_ref().map_or(Vec3::ZERO, |f| f.point(local).into())
+    }
+
+    /// A point of the world in the frame of a triangle; the origin where it has none.
+    pub fn local(&self, triangle: u32, place: Vec3) -> [f32; 3] {
+        let Some(frame) = &self.frames[triangle as usize] else { return [0.0; 3] };
+        let arm = place - Vec3::from(frame.origin);
         // In units of the frame's size, so that determinants of small triangles do not underflow.
         let axes = [frame.x, frame.y, frame.z].map(Vec3::from);
         let size = axes[2].length();
@@ -96,8 +106,7 @@ impl Surface {
 
     /// Barycentrics of the foot of a local point on its triangle's plane.
     pub fn barycentrics(&self, triangle: u32, [x, y, _]: [f32; 3]) -> Vec3 {
-        let local = |corner: Vec3| self.local(&SurfacePoint { triangle, barycentrics: corner });
-        let [a, b, c] = Vec3::AXES.map(local);
+        let [a, b, c] = self.corners(triangle).map(|corner| self.local(triangle, corner));
         let cross = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
         let arm = |corner: [f32; 3]| [corner[0] - x, corner[1] - y];
         let (a, b, c) = (arm(a), arm(b), arm(c));
@@ -124,7 +133,7 @@ mod tests {
             let frame = Frame::of_triangle(kind, VERTICES).unwrap();
             let (angle, log2_scale) = surface.round_disc(0);
             let point = SurfacePoint { triangle: 0, barycentrics: Vec3::new(0.2, 0.5, 0.3) };
-            let local = surface.local(&point);
+            let local = surface.local(0, surface.position(&point));
             let disc = disc_on(&frame, local, angle, log2_scale);
             let [a, b] = disc.axes.map(Vec3::from);
             let [center, area] = [surface.position(&point), Vec3::splat(surface.area(0))];

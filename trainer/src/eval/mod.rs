@@ -173,7 +173,7 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
 /// frames name clips by their place.
 fn check_same(avatar: &Avatar<'_>, model: &Model) -> Result<()> {
     const REMEDY: &str = "give the mesh that it was trained on";
-    let triangles = avatar.header().triangles as usize;
+    let triangles = avatar.mesh_levels().surface() as usize;
     ensure!(
         triangles == model.triangles.len(),
         "the avatar has {triangles} triangles and the mesh has {}; {REMEDY}",

@@ -11,8 +11,11 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Vec<Cloud>> {
     let options = shop.options;
     let layers = options.layers(options.gaussians);
     let seeds = shop.place(&layers, |_| options.gaussians)?;
-    let region = |seeds: Vec<Seed>| {
-        let mut cloud = Cloud::arrange(options.layers(seeds.len() as u32), &seeds);
+    let region = |mut seeds: Vec<Seed>| {
+        let layers = options.layers(seeds.len() as u32);
+        shop.carry(&layers, &mut seeds);
+        let mut cloud = Cloud::arrange(layers, &seeds);
+        cloud.coarser = shop.coarser();
         if options.per_level {
             cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
         }

@@ -1,5 +1,7 @@
 //! What all methods share: the posed mesh, the pictures of it, placement and descent.
 
+use core::ops::Range;
+
 use anyhow::{Context, Result, ensure};
 use dermis_format::Avatar;
 use dermis_format::source::{Importance, MeasuredCurves, Source};
@@ -10,6 +12,7 @@ use super::culling::{self, Culling};
 use super::curves;
 use super::parts::Parts;
 use crate::checkpoint::Journal;
+use crate::embed::carriers::Carriers;
 use crate::embed::density;
 use crate::embed::importance;
 use crate::embed::initial::seed;
@@ -37,9 +40,13 @@ const UNSEEN_WEIGHT: f32 = 0.1;
 pub struct Workshop<'a> {
     pub(super) painter: &'a Painter<'a>,
     pub(super) options: &'a Options,
-    /// Vertices of each triangle.
+    /// Vertices of each triangle of the surface.
     pub(super) corners: Vec<[u32; 3]>,
     pub(super) surface: Surface,
+    /// With the triangles of all coarser meshes.
+    with_coarser: Surface,
+    /// Triangles of all meshes, the surface's first.
+    meshes: Vec<Range<u32>>,
     /// Wanted density of Gaussians on each triangle, relative to the others.
     pub(super) weights: Vec<f32>,
     pub(super) parts: Parts,
@@ -73,7 +80,10 @@ impl<'a> Workshop<'a> {
         let stages = stages.collect::<Result<Vec<_>>>()?;
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
-        let corners = source.mesh.triangles.clone();
+        let mut corners = source.mesh.triangles.clone();
+        let all = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
+        let meshes: Vec<Range<u32>> = avatar.mesh_levels().ranges().collect();
+        corners.truncate(avatar.mesh_levels().surface() as usize);
         let surface = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
         let is_seen = |count: &SideCount| count.front + count.back > 0;
         let mut weights: Vec<f32> =
@@ -87,6 +97,8 @@ impl<'a> Workshop<'a> {
             options,
             corners,
             surface,
+            with_coarser: all,
+            meshes,
             weights,
             parts,
             residuals: Vec::new(),
@@ -156,6 +168,22 @@ impl<'a> Workshop<'a> {
         // Not before the survey: under w times the density it would find 1 / w of the error, and take √w back.
         self.parts.regions.thicken(&mut self.weights);
         self.spread_out(layers, spread_over)
+    }
+
+    /// How many meshes are coarser than the surface.
+    pub(super) fn coarser(&self) -> usize {
+        self.meshes.len() - 1
+    }
+
+    /// Puts the Gaussians of the first of these layers on coarser meshes.
+    pub(super) fn carry(&self, layers: &[u32], seeds: &mut [Seed]) {
+        let coarsest_first = self.meshes.iter().skip(1).rev();
+        let mut rest = seeds;
+        for (&len, triangles) in layers.iter().zip(coarsest_first) {
+            let (layer, later) = rest.split_at_mut((len as usize).min(rest.len()));
+            Carriers::new(&self.with_coarser, &self.stages, triangles.clone()).carry(layer);
+            rest = later;
+        }
     }
 
     /// Gaussians spread over the surface, coarse to fine, by the density of each triangle, `layers` of them (fewer

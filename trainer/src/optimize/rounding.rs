@@ -38,9 +38,9 @@ pub(super) fn level_as_stored(
             let places = first as usize..(first + count) as usize;
             let discs: Vec<Disc> = level[places].iter().map(Parameters::disc).collect();
             // A single level is no level of the file's: each Gaussian has the record of its layer.
-            let layer = if cloud.levels.len() > 1 { last.unwrap_or(layer) } else { layer };
-            let widths = widths.get(usize::from(layer)).copied().unwrap_or_default();
-            writer::stored(&discs, widths)
+            let level = if cloud.levels.len() > 1 { last.unwrap_or(layer) } else { layer };
+            let (level, layer) = (usize::from(level), usize::from(layer));
+            writer::stored(&discs, writer::widths_at(widths, level, layer, cloud.coarser))
         })
         .collect::<Result<_, _>>()
         .context("the avatar cannot be written")?;

@@ -106,7 +106,7 @@ pub fn table(model: &Model, options: &Options) -> Result<Table> {
     let whole = clips.iter().map(|&clip| bench.animation_ms(&all, clip)).collect::<Result<_>>()?;
     Ok(Table {
         clips: clips.iter().map(|&clip| model.clips[clip].name.clone()).collect(),
-        triangles: header.triangles,
+        triangles: avatar.mesh_levels().surface(),
         vertices: header.vertices,
         size: options.size,
         seconds: file.seconds,

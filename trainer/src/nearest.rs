@@ -8,7 +8,7 @@ use rstar::{AABB, PointDistance, RTree, RTreeObject};
 const ROUNDING: f64 = 1e-12;
 
 /// Triangles to be searched by place.
-pub(super) struct Nearest(RTree<Triangle>);
+pub(crate) struct Nearest(RTree<Triangle>);
 
 struct Triangle {
     index: u32,
@@ -17,7 +17,7 @@ struct Triangle {
 
 impl Nearest {
     /// Of triangles with their corners, all of them finite and with an area.
-    pub(super) fn of(triangles: impl Iterator<Item = (u32, [[f64; 3]; 3])>) -> Self {
+    pub(crate) fn of(triangles: impl Iterator<Item = (u32, [[f64; 3]; 3])>) -> Self {
         let triangle = |(index, corners): (u32, [[f64; 3]; 3])| Triangle {
             index,
             corners: corners.map(DVec3::from),
@@ -26,13 +26,20 @@ impl Nearest {
     }
 
     /// The nearest triangle to a finite point; of several the lowest index. None without triangles.
-    pub(super) fn triangle(&self, point: [f64; 3]) -> Option<u32> {
+    pub(crate) fn triangle(&self, point: [f64; 3]) -> Option<u32> {
         let mut nearest = self.0.nearest_neighbor_iter_with_distance_2(point);
         let (first, distance) = nearest.next()?;
         let size = DVec3::from(point).length_squared();
         let as_near = distance + ROUNDING * distance.max(ROUNDING * size);
         let others = nearest.take_while(|(_, distance)| *distance <= as_near);
         Some(others.map(|(triangle, _)| triangle.index).fold(first.index, u32::min))
+    }
+}
+
+impl Nearest {
+    /// Triangles from the nearest one on.
+    pub(crate) fn by_distance(&self, point: [f64; 3]) -> impl Iterator<Item = u32> {
+        self.0.nearest_neighbor_iter(point).map(|triangle| triangle.index)
     }
 }
 
