@@ -190,7 +190,7 @@ fn of_face_lod(report: &OfFaceLod) -> String {
         "render",
     ];
     headings.extend(clips.iter().map(String::as_str));
-    headings.push("least dB");
+    headings.extend(["least dB", "held", "least dB"]);
     let row = |level: &face_lod::Level| {
         let mut cells = vec![format!("{:.2}", level.distance_m), format!("{:.1}", level.height_px)];
         let counts = [level.triangles, level.vertices, level.joints, level.targets];
@@ -199,6 +199,9 @@ fn of_face_lod(report: &OfFaceLod) -> String {
         cells.push(format!("{:.2}", level.render_ms));
         cells.extend(ms(&level.animation_ms));
         cells.push(format!("{:.1}", level.least_psnr_db));
+        let held = level.frames_held.iter().map(u32::to_string).collect::<Vec<_>>();
+        cells.push(held.join(" / "));
+        cells.push(format!("{:.1}", level.least_held_psnr_db));
         cells
     };
     out += &aligned(&headings, &levels.iter().map(row).collect::<Vec<_>>());

@@ -5,6 +5,7 @@
 
 use anyhow::{Context, Result, ensure};
 use dermis_runtime::budget::Budget;
+use dermis_runtime::rate::frames_to_hold;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose, Posed, Prepared};
 use serde::Serialize;
 
@@ -26,6 +27,8 @@ const MOST_LEVELS: usize = 15;
 const CLIPS: usize = 2;
 /// Frames of a clip that are looked at, each second.
 const FRAMES_PER_SECOND: f32 = 10.0;
+/// Time from frame to frame of a display, s.
+pub const FRAME_SECONDS: f32 = 1.0 / 30.0;
 /// Each frame is posed as many times; the least time counts.
 const REPEATS: usize = 5;
 
@@ -52,6 +55,10 @@ pub struct Level {
     pub animation_ms: Vec<f64>,
     /// PSNR of the worst frame to the same where everything moves, over the pixels of that, dB; 100 where they are the same.
     pub least_psnr_db: f64,
+    /// Frames, of [`FRAME_SECONDS`], that a pose of each clip may be held ([`frames_to_hold`]).
+    pub frames_held: Vec<u32>,
+    /// As `least_psnr_db`, but of poses that are as late as holding makes them.
+    pub least_held_psnr_db: f64,
 }
 
 /// All levels.
@@ -123,6 +130,14 @@ fn distance(avatar: &Avatar<'_>, camera: &Camera) -> f32 {
     squares.sum::<f32>().sqrt()
 }
 
+/// What frames of all clips come to.
+struct Pictures {
+    /// Mean.
+    render_ms: f64,
+    least_psnr_db: f64,
+    least_held_psnr_db: f64,
+}
+
 /// An avatar that is looked at.
 struct Bench<'b, 'a> {
     avatar: &'b Avatar<'a>,
@@ -147,7 +162,12 @@ impl Bench<'_, '_> {
         };
         let movements = avatar.movements().context("the file does not say what moves")?;
         let animation = clips.iter().map(|&clip| self.animation_ms(&plan, clip));
-        let (render_ms, least_psnr_db) = self.pictures(&plan, &camera)?;
+        let footprints = rest.footprints(&camera);
+        let density = footprints.iter().map(|footprint| footprint.density).fold(0.0, f32::max);
+        let held = |&clip: &usize| frames_to_hold(avatar, clip, density, FRAME_SECONDS, UNSEEN);
+        let frames_held: Vec<u32> = clips.iter().map(held).collect();
+        let Pictures { render_ms, least_psnr_db, least_held_psnr_db } =
+            self.pictures(&plan, &camera, &frames_held)?;
         Ok(Level {
             distance_m,
             height_px: camera.fy.abs() * (max[1] - min[1]) / distance_m,
@@ -159,14 +179,16 @@ impl Bench<'_, '_> {
             render_ms,
             animation_ms: animation.collect::<Result<_>>()?,
             least_psnr_db,
+            frames_held,
+            least_held_psnr_db,
         })
     }
 
-    fn poses(&self, clip: usize) -> impl Iterator<Item = Pose<'static>> {
+    /// Seconds into a clip.
+    fn moments(&self, clip: usize) -> impl Iterator<Item = f32> {
         let length = self.avatar.clips().nth(clip).map_or(0.0, |clip| clip.seconds);
         let frames = (length * FRAMES_PER_SECOND) as usize;
-        (0..=frames)
-            .map(move |frame| Pose::Clip { clip, seconds: frame as f32 / FRAMES_PER_SECOND })
+        (0..=frames).map(|frame| frame as f32 / FRAMES_PER_SECOND)
     }
 
     /// Of the frame that takes longest. Where nothing moves the rest pose, made once, is everyone's.
@@ -176,7 +198,8 @@ impl Bench<'_, '_> {
         }
         let mut scratch = vec![0; Posed::scratch_len_for_plan(self.avatar)];
         let mut greatest = 0.0f64;
-        for pose in self.poses(clip) {
+        for seconds in self.moments(clip) {
+            let pose = Pose::Clip { clip, seconds };
             let mut times = Vec::new();
             for _ in 0..REPEATS {
                 let kernel = self.rest.kernel();
@@ -191,18 +214,29 @@ impl Bench<'_, '_> {
         Ok(greatest)
     }
 
-    /// Mean time to draw a frame of all clips, and the worst PSNR to the same where everything moves.
-    fn pictures(&self, plan: &Plan, camera: &Camera) -> Result<(f64, f64)> {
+    /// Frames of all clips, beside the same where everything moves.
+    fn pictures(&self, plan: &Plan, camera: &Camera, frames_held: &[u32]) -> Result<Pictures> {
         let whole = plan.clone().with_still_below(0.0);
-        let (mut times, mut worst) = (Vec::new(), PSNR_CAP_DB);
-        for pose in self.clips.iter().flat_map(|&clip| self.poses(clip)) {
-            let (still, ms) = self.picture(&pose, plan, camera)?;
-            let (moving, _) = self.picture(&pose, &whole, camera)?;
-            times.push(ms);
-            let covered: Vec<bool> = moving.chunks_exact(3).map(|rgb| rgb != [255; 3]).collect();
-            worst = worst.min(psnr_db(&moving, &still, Some(&covered)).unwrap_or(PSNR_CAP_DB));
+        let (mut times, mut worst) = (Vec::new(), [PSNR_CAP_DB; 2]);
+        for (&clip, &held) in self.clips.iter().zip(frames_held) {
+            let late = FRAME_SECONDS * (held - 1) as f32;
+            for now in self.moments(clip) {
+                let pose = |seconds: f32| Pose::Clip { clip, seconds: seconds.max(0.0) };
+                let (moving, _) = self.picture(&pose(now), &whole, camera)?;
+                let (still, ms) = self.picture(&pose(now), plan, camera)?;
+                let (held, _) = self.picture(&pose(now - late), plan, camera)?;
+                times.push(ms);
+                let covered: Vec<bool> =
+                    moving.chunks_exact(3).map(|rgb| rgb != [255; 3]).collect();
+                for (worst, picture) in worst.iter_mut().zip([still, held]) {
+                    let psnr = psnr_db(&moving, &picture, Some(&covered));
+                    *worst = worst.min(psnr.unwrap_or(PSNR_CAP_DB));
+                }
+            }
         }
-        Ok((times.iter().sum::<f64>() / times.len().max(1) as f64, worst))
+        let render_ms = times.iter().sum::<f64>() / times.len().max(1) as f64;
+        let [least_psnr_db, least_held_psnr_db] = worst;
+        Ok(Pictures { render_ms, least_psnr_db, least_held_psnr_db })
     }
 
     /// RGB over white, and the time to draw it.
