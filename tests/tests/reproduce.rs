@@ -104,7 +104,12 @@ fn levels_of_a_face_go_from_all_to_nothing() {
             && near.gaussians >= far.gaussians
             && near.joints >= far.joints
             && near.targets >= far.targets
+            && near.frames_held.iter().zip(&far.frames_held).all(|(near, far)| near <= far)
     }));
+    assert!(last.frames_held > first.frames_held, "{table:?}");
+    let as_late = |level: &face_lod::Level| level.frames_held.iter().all(|&frames| frames == 1);
+    let exact = levels.iter().filter(|level| as_late(level));
+    assert!(exact.clone().all(|level| level.least_held_psnr_db == level.least_psnr_db));
     assert!(first.vertices > last.vertices && first.triangles > last.triangles, "{table:?}");
     assert!(first.animation_ms.iter().all(|&ms| ms > 0.0));
     assert!(first.least_psnr_db > 40.0, "{table:?}");

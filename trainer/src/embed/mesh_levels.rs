@@ -30,7 +30,8 @@ pub struct CoarserMesh {
     pub originals: Vec<u32>,
 }
 
-/// Meshes for as many Gaussians as `counts` says of each, from fine to coarse.
+/// Meshes for as many Gaussians as `counts` says of each, from fine to coarse, but for those that would have more than half
+/// of the surface's triangles, or none.
 pub fn coarser(
     model: &Model,
     regions: &Regions,
@@ -41,7 +42,11 @@ pub fn coarser(
         return Vec::new();
     }
     let shapes = Shapes::new(model, key_frames);
-    counts.iter().map(|&count| shapes.simplified(model, regions, count)).collect()
+    let meshes = counts.iter().map(|&count| shapes.simplified(model, regions, count));
+    let pays = |mesh: &CoarserMesh| {
+        !mesh.triangles.is_empty() && 2 * mesh.triangles.len() <= model.triangles.len()
+    };
+    meshes.filter(pays).collect()
 }
 
 /// The mesh as edges are weighed: vertices that are one in all poses are one.
@@ -236,6 +241,15 @@ mod tests {
             }
             assert_eq!(borders.contains(&true), asked.len() == 1);
         }
+    }
+
+    #[test]
+    fn a_mesh_that_is_not_coarser_is_none() {
+        let model = demo_avatar();
+        let regions = Regions::cut(&model, &[]).expect("nothing is asked");
+        let meshes = coarser(&model, &regions, &[], &[100_000, 250]);
+        let lens: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
+        assert!(matches!(lens[..], [len] if len < 200), "{lens:?} of {}", model.triangles.len());
     }
 
     #[test]
