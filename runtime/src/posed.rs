@@ -5,7 +5,7 @@ use dermis_format::header::MAX_REGIONS;
 
 use crate::error::Error;
 use crate::extent::Extent;
-use crate::footprint::{AddFootprints, RegionSums};
+use crate::footprint::{AddFootprints, LookedAt, RegionSums};
 use crate::frame::Frame;
 use crate::frames::{FindVisible, FrameBlock, Frames, MakeFrames, MakeSomeFrames};
 use crate::kernel::Kernel;
@@ -168,16 +168,16 @@ impl<'s, 'a> Posed<'s, 'a> {
         kernel.run(FindVisible { avatar, frames, view, extent, visible });
     }
 
-    /// Adds up what the triangles of each region cover of a camera's picture.
+    /// Adds up what the triangles of each region that are looked at cover of a camera's picture.
     pub(crate) fn add_footprints(
         &self,
         view: &View<f32>,
         extent: Extent,
-        stride: usize,
+        looked_at: LookedAt<'_>,
         sums: &mut RegionSums,
     ) {
         let Self { avatar, frames, kernel, .. } = *self;
-        kernel.run(AddFootprints { avatar, frames, view, extent, stride, sums });
+        kernel.run(AddFootprints { avatar, frames, view, extent, looked_at, sums });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back

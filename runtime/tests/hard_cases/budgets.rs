@@ -48,6 +48,7 @@ fn any_footprint() -> impl Strategy<Value = Footprint> {
     let area = prop_oneof![1 => Just(0.0f32), 4 => 1.0f32..1e5];
     (area, -2.0f32..9.0).prop_map(|(area, octave)| Footprint {
         area,
+        fill: area,
         density: octave.exp2(),
         center: [area.sqrt(), 3.0],
     })
@@ -243,7 +244,9 @@ fn a_near_avatar_gets_more_than_a_far_one_and_the_eye_decides_between_equals() {
     let avatar = Avatar::parse(&file).unwrap();
     let at = |area: f32, x: f32| Instance {
         avatar: &avatar,
-        footprints: [Footprint { area, density: 100.0, center: [x, 0.0] }].into_iter().collect(),
+        footprints: [Footprint { area, fill: area, density: 100.0, center: [x, 0.0] }]
+            .into_iter()
+            .collect(),
         weight: 1.0,
     };
     let budget = Budget::of_gaussians(500);
@@ -373,8 +376,9 @@ fn footprints_are_the_pixels_that_triangles_cover() {
         let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut scratch).unwrap();
         for distance in [2.0, 5.0, 40.0] {
             let footprints = posed.footprints(&front(distance));
-            let Footprint { area, density, center } = footprints[0];
+            let Footprint { area, fill, density, center } = footprints[0];
             assert!((area / expected(distance) - 1.0).abs() < 1e-5, "{area} at {distance} m");
+            assert_eq!(fill, area, "no file says that blends differ");
             assert!((density * distance / 3000f32.sqrt() - 1.0).abs() < 1e-5, "{density}");
             assert!(center[0] == 100.0 && (center[1] - 50.0).abs() < 1e-3, "{center:?}");
         }
