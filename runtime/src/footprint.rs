@@ -30,7 +30,8 @@ pub struct Footprint {
     /// Pixels that its triangles cover which show something, each as if it were alone: px². 0 where none does.
     pub area: f32,
     /// The same, each px² weighted by how many Gaussians are blended there, to the mean over the region: by what blends are
-    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area.
+    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area; 0 where no triangle's middle is
+    /// in the frame.
     pub fill: f32,
     /// Pixels to a metre: the root of the mean square over that area.
     pub density: f32,
@@ -51,7 +52,8 @@ impl Posed<'_, '_> {
     /// so that areas come out within 10 % of the whole sum, of either sign. Where it names none, of a large
     /// mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is within 10 % where sizes and
     /// slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in the frame. Of a
-    /// region that would be found to cover nothing all are looked at, with how far their Gaussians reach.
+    /// region that would be found to cover nothing all are looked at, and if that finds nothing, with how far their Gaussians
+    /// reach.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);
@@ -71,10 +73,14 @@ impl Posed<'_, '_> {
             Some(samples) => found(LookedAt::Samples(samples), 1.0, Extent::default()),
             None => found(LookedAt::Runs { stride }, share, Extent::default()),
         };
-        if footprints.iter().any(|footprint| footprint.area == 0.0) {
-            let all = found(LookedAt::Runs { stride: 1 }, 1.0, widest_extent(self.avatar()));
+        // What stands out of the frame, and only reaches into it, blends next to nothing.
+        for (extent, fill) in [(Extent::default(), 1.0), (widest_extent(self.avatar()), 0.0)] {
+            if footprints.iter().all(|footprint| footprint.area > 0.0) {
+                break;
+            }
+            let all = found(LookedAt::Runs { stride: 1 }, 1.0, extent);
             let none = footprints.iter_mut().zip(all).filter(|(some, _)| some.area == 0.0);
-            none.for_each(|(none, all)| *none = all);
+            none.for_each(|(none, all)| *none = Footprint { fill: fill * all.fill, ..all });
         }
         footprints
     }
