@@ -13,6 +13,7 @@ use crate::record::{
     take_plane,
 };
 use crate::rig::{Clip, MorphTarget};
+use crate::samples::Samples;
 use crate::section::{Section, Sections, head, section_crc, split_header, tag};
 use crate::walk::{Levels, Runs};
 
@@ -33,6 +34,7 @@ pub struct Avatar<'a> {
     layers: &'a [U32],
     importances: &'a [ImportanceRecord],
     curves: Option<Curves<'a>>,
+    samples: Option<Samples<'a>>,
     movements: Option<Movements<'a>>,
     joints: &'a [JointRecord],
     joint_names: &'a [u8],
@@ -95,6 +97,7 @@ impl<'a> Avatar<'a> {
             layers: &[],
             importances: &[],
             curves: None,
+            samples: None,
             movements: None,
             joints: &[],
             joint_names: &[],
@@ -139,6 +142,10 @@ impl<'a> Avatar<'a> {
             tag::CURVES => {
                 self.curves = Curves::split(payload, &header);
                 self.curves.map(|_| ())
+            }
+            tag::SAMPLES => {
+                self.samples = Samples::split(payload, &header);
+                self.samples.map(|_| ())
             }
             tag::MOVEMENTS => {
                 self.movements = Movements::split(payload, &header);
@@ -401,6 +408,11 @@ impl<'a> Avatar<'a> {
         self.curves
     }
 
+    /// Which triangles stand for the others where footprints are found; none if the file leaves it out.
+    pub fn samples(&self) -> Option<Samples<'a>> {
+        self.samples
+    }
+
     /// How far joints and morph targets move the mesh; none if the file leaves it out.
     pub fn movements(&self) -> Option<Movements<'a>> {
         self.movements
@@ -583,6 +595,7 @@ fn section_name(tag: [u8; 4]) -> &'static str {
         tag::LAYERS => "LAYR",
         tag::IMPORTANCES => "IMPO",
         tag::CURVES => "CURV",
+        tag::SAMPLES => "SAMP",
         tag::MOVEMENTS => "MOVE",
         tag::JOINTS => "JNTS",
         tag::JOINT_NAMES => "JNAM",

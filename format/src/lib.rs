@@ -14,8 +14,9 @@
 //! 7. [`order`] states which Gaussians of a block come first.
 //! 8. [`curves`] say how good a picture each count makes.
 //! 9. [`movement`] says how far joints and morph targets move the mesh.
-//! 10. [`avatar`] is the checked view of it all.
-//! 11. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+//! 10. [`samples`] say which triangles stand for the others when a plan asks what is covered.
+//! 11. [`avatar`] is the checked view of it all.
+//! 12. `source` and `writer` (feature `std`) encode what a trainer or converter has.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;
@@ -34,6 +35,7 @@ pub mod packed;
 pub mod quant;
 pub mod record;
 pub mod rig;
+pub mod samples;
 pub mod section;
 #[cfg(feature = "std")]
 pub mod source;
@@ -53,5 +55,6 @@ pub use mesh_levels::MeshLevels;
 pub use movement::Movements;
 pub use quant::{Disc, Full};
 pub use record::DiscWidths;
+pub use samples::{Sample, Samples};
 pub use triangles::Triangles;
 pub use walk::Levels;

@@ -215,6 +215,18 @@ pub struct CurvePointRecord {
     pub blends: Bf16,
 }
 
+/// A triangle that stands for a part of its region ([`crate::samples`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SampleRecord {
+    /// Its index.
+    pub triangle: U32,
+    /// Footprint of what it stands for to its own, in 0..=10⁶.
+    pub area: Bf16,
+    /// The same, weighted by blends, in 0..=10⁶.
+    pub fill: Bf16,
+}
+
 /// Head of a block, or of a block at a later level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

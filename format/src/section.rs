@@ -57,6 +57,8 @@ pub mod tag {
     pub const IMPORTANCES: [u8; 4] = *b"IMPO";
     /// How near each region's picture is to the mesh, by level and distance.
     pub const CURVES: [u8; 4] = *b"CURV";
+    /// Which triangles stand for the others.
+    pub const SAMPLES: [u8; 4] = *b"SAMP";
     /// How far joints and morph targets move the mesh.
     pub const MOVEMENTS: [u8; 4] = *b"MOVE";
     /// The skeleton.

@@ -5,6 +5,7 @@ use crate::header::{FrameKind, LowPass, ScaleLaw};
 use crate::quant::{Disc, Full};
 use crate::record::DiscWidths;
 use crate::rig::Property;
+use crate::samples::Sample;
 
 /// An avatar before it is encoded.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +26,8 @@ pub struct Source {
     pub key_frames: Vec<(Option<u16>, f32)>,
     /// How near the picture is to the mesh, if that was measured.
     pub curves: Option<MeasuredCurves>,
+    /// Which triangles stand for the others, by ascending triangle; none: nobody chose any.
+    pub samples: Vec<Sample>,
     /// How far joints and morph targets move the mesh, if that was measured.
     pub movements: Option<MeasuredMovements>,
 }

@@ -31,6 +31,14 @@ impl FrameBlock {
         [&a[lane], &b[lane], &c[lane]]
     }
 
+    /// Puts [`Frame::rows`] of a triangle in a lane.
+    #[inline(always)]
+    pub(crate) fn set_rows(&mut self, lane: usize, rows: [&Row; 3]) {
+        for (to, row) in self.0.iter_mut().zip(rows) {
+            to[lane % MAX_LANES] = *row;
+        }
+    }
+
     /// Frames of lanes `at..`, and where there are any.
     #[inline(always)]
     pub(crate) fn load<V: Lanes>(&self, token: V::Token, at: usize) -> (Frame<V>, V::Mask) {

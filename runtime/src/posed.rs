@@ -1,7 +1,7 @@
 //! A posed avatar: vertices in the world, and a frame for each triangle.
 
-use dermis_format::Avatar;
 use dermis_format::header::MAX_REGIONS;
+use dermis_format::{Avatar, Sample};
 
 use crate::error::Error;
 use crate::extent::Extent;
@@ -168,16 +168,16 @@ impl<'s, 'a> Posed<'s, 'a> {
         kernel.run(FindVisible { avatar, frames, view, extent, visible });
     }
 
-    /// Adds up what the triangles of each region cover of a camera's picture.
+    /// Adds up what the triangles of each region that are looked at cover of a camera's picture.
     pub(crate) fn add_footprints(
         &self,
         view: &View<f32>,
         extent: Extent,
-        stride: usize,
+        samples: impl Iterator<Item = Sample>,
         sums: &mut RegionSums,
     ) {
         let Self { avatar, frames, kernel, .. } = *self;
-        kernel.run(AddFootprints { avatar, frames, view, extent, stride, sums });
+        kernel.run(AddFootprints { avatar, frames, view, extent, samples, sums });
     }
 
     /// Whether a triangle has a frame and shows something to `eye`: its front faces it, or its back

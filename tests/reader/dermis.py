@@ -285,6 +285,15 @@ def read_curves(b, h):
     return [density, octaves, *b.within(0, 1e6, *points)]
 
 
+def read_samples(b, h):
+    samples = b.rows("I2s2s", b.left() // 8)
+    triangles = [triangle for triangle, *_ in samples]
+    b.below(h.triangles, "triangle", *triangles)
+    b.need(all(x < y for x, y in zip(triangles, triangles[1:])), "triangles do not ascend")
+    numbers = bf16([number for _, *both in samples for number in both])
+    return [*triangles, *b.within(0, 999_424, *numbers)]
+
+
 def read_movements(b, h):
     return b.within(0, 999_424, *bf16(b.column("2s", h.joints + h.morph_targets + h.clips)))
 
@@ -312,6 +321,7 @@ TABLES = {
     "LAYR": (lambda h: True, lambda b, h: b.column("I", h.regions * h.layers)),
     "IMPO": (lambda h: False, read_importances),
     "CURV": (lambda h: False, read_curves),
+    "SAMP": (lambda h: False, read_samples),
     "MOVE": (lambda h: False, read_movements),
     "KEYF": (lambda h: False, read_key_frames),
 }

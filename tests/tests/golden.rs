@@ -65,6 +65,7 @@ fn ribbon() -> Source {
             influences: (0..=ROWS).flat_map(weights).collect(),
             triangles: triangles.collect(),
             two_sided: vec![true; 2 * ROWS as usize],
+            coarser: Vec::new(),
             triangle_regions: Vec::new(),
             morph_targets: vec![Morph {
                 name: "wide".into(),

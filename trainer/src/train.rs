@@ -89,6 +89,7 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     let precision = workshop.precision(&clouds)?;
     let mut source = package::with_gaussians(source, &precision.within_limits(&clouds));
     source.curves = Some(workshop.curves(&clouds, &precision)?);
+    source.samples = workshop.samples(&clouds, &precision)?;
     source.widths.clone_from(&precision.widths);
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);

@@ -9,8 +9,9 @@ use crate::order::{self, GROUP_LEN};
 use crate::quant::{Full, opacity_code, ycocg_of_rgb};
 use crate::record::{
     self, Bf16, BlockRecord, CurvePointRecord, CurvesRecord, FullGroup, ImportanceRecord,
-    KeyFrameRecord, U32,
+    KeyFrameRecord, SampleRecord, U32,
 };
+use crate::samples::{self, Sample};
 use crate::section::tag;
 use crate::source::{Gaussians, Importance, MeasuredCurves, MeasuredMovements, Region, Source};
 use crate::triangles;
@@ -30,6 +31,9 @@ pub(super) fn write_regions(out: &mut Vec<u8>, source: &Source) -> Result<(), En
     }
     if let Some(curves) = &source.curves {
         section(out, tag::CURVES, &curve_bytes(curves, source)?)?;
+    }
+    if !source.samples.is_empty() {
+        section(out, tag::SAMPLES, &sample_bytes(source)?)?;
     }
     if let Some(movements) = &source.movements {
         section(out, tag::MOVEMENTS, &movement_bytes(movements, source)?)?;
@@ -83,6 +87,28 @@ fn curve_bytes(curves: &MeasuredCurves, source: &Source) -> Result<Vec<u8>, Enco
     let records: Vec<CurvePointRecord> = points.iter().map(record).collect();
     let head = CurvesRecord { density: (*density).into(), octaves: *octaves };
     Ok([bytes_of(&[head]), bytes_of(&records)].concat())
+}
+
+fn sample_bytes(source: &Source) -> Result<Vec<u8>, EncodeError> {
+    let (samples, triangles) = (&source.samples, source.mesh.triangles.len());
+    let in_range = |number: f32| (0.0..=samples::MOST).contains(&number);
+    let fits = |sample: &Sample| {
+        (sample.triangle as usize) < triangles && in_range(sample.area) && in_range(sample.fill)
+    };
+    let ascend = samples.is_sorted_by(|a, b| a.triangle < b.triangle);
+    if !samples.iter().all(fits) || !ascend {
+        return refuse(format!(
+            "samples: they are of {triangles} triangles, ascend, and have numbers of 0 to {}",
+            samples::MOST
+        ));
+    }
+    let record = |sample: &Sample| SampleRecord {
+        triangle: sample.triangle.into(),
+        area: Bf16::at_most(sample.area),
+        fill: Bf16::at_most(sample.fill),
+    };
+    let records: Vec<SampleRecord> = samples.iter().map(record).collect();
+    Ok(bytes_of(&records).to_vec())
 }
 
 fn movement_bytes(movements: &MeasuredMovements, source: &Source) -> Result<Vec<u8>, EncodeError> {

@@ -1,6 +1,7 @@
 //! Avatars of every kind.
 
 use dermis_format::rig::Property;
+use dermis_format::samples::{self, Sample};
 use dermis_format::source::{
     Channel, Clip, Gaussians, Importance, Joint, Mathematics, MeasuredCurves, MeasuredMovements,
     Mesh, Morph, Region, Rig, Source,
@@ -247,6 +248,10 @@ pub(crate) fn rigged() -> Source {
     };
     source.key_frames = vec![(None, 0.0), (Some(0), 1.5)];
     source.mesh.coarser = vec![1];
+    source.samples = vec![
+        Sample { triangle: 0, area: 40.3, fill: 20.1 },
+        Sample { triangle: 1, area: 0.0, fill: samples::MOST },
+    ];
     source.movements = Some(MeasuredMovements {
         joints: vec![1.5, 0.3],
         targets: vec![0.26, 0.0],

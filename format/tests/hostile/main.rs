@@ -326,12 +326,13 @@ fn sections_that_are_missing_or_in_disorder_are_errors() {
     let bytes = encode(&avatars::rigged()).unwrap();
     let all: Vec<Section> = Avatar::parse(&bytes).unwrap().sections().collect();
     let header = header_bytes(&header());
-    let optional = [*b"SIDE", *b"TREG", *b"JNAM", *b"KEYF", *b"IMPO", *b"CURV", *b"MOVE", *b"MLEV"];
+    let optional =
+        [b"SIDE", b"TREG", b"JNAM", b"KEYF", b"IMPO", b"CURV", b"SAMP", b"MOVE", b"MLEV"];
     for left_out in 0..all.len() {
         let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
         let (tag, _) = sections.remove(left_out);
         let passed = parse_and_walk(&file(&header, &sections));
-        assert_eq!(passed, optional.contains(&tag), "{}", String::from_utf8_lossy(&tag));
+        assert_eq!(passed, optional.contains(&&tag), "{}", String::from_utf8_lossy(&tag));
     }
     // The two blocks the other way round: the second does not follow the first.
     let mut sections: Vec<_> = all.iter().map(|s| (s.tag, s.payload)).collect();
@@ -375,6 +376,39 @@ fn curves_out_of_their_limits_are_refused() {
     for number in [-0.001, 1.1e6, f32::NAN, f32::INFINITY] {
         let half = &number.to_le_bytes()[2..];
         for at in [5, 7, usual.len() - 2] {
+            assert!(!parse_and_walk(&replaced(at, half)), "{number} at {at}");
+        }
+    }
+}
+
+#[test]
+fn samples_out_of_their_limits_are_refused() {
+    let bytes = encode(&avatars::rigged()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let usual =
+        avatar.sections().find(|s| s.tag == *b"SAMP").expect("it is there").payload.to_vec();
+    let with = |payload: &[u8]| with_payload(&avatar, *b"SAMP", payload);
+    for len in 0..usual.len() + 2 {
+        let mut payload = usual.clone();
+        payload.resize(len, 0);
+        // A part of the records, or none, is a choice of fewer.
+        assert_eq!(parse_and_walk(&with(&payload)), len % 8 == 0, "{len} bytes");
+    }
+    let replaced = |at: usize, bytes: &[u8]| {
+        let mut payload = usual.clone();
+        payload[at..at + bytes.len()].copy_from_slice(bytes);
+        with(&payload)
+    };
+    let triangles = avatar.header().triangles;
+    for first in [1, triangles, u32::MAX] {
+        assert!(!parse_and_walk(&replaced(0, &first.to_le_bytes())), "{first}, then 1");
+    }
+    for second in [0, triangles, u32::MAX] {
+        assert!(!parse_and_walk(&replaced(8, &second.to_le_bytes())), "0, then {second}");
+    }
+    for number in [-0.001, 1.1e6, f32::NAN, f32::INFINITY] {
+        for at in [4, 6, 12, 14] {
+            let half = &number.to_le_bytes()[2..];
             assert!(!parse_and_walk(&replaced(at, half)), "{number} at {at}");
         }
     }

@@ -8,7 +8,7 @@ use dermis_format::source::{
     Channel, Clip, Gaussians, Importance, MeasuredCurves, MeasuredMovements, Source,
 };
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Disc, Full, Records, order};
+use dermis_format::{Avatar, Disc, Full, Records, Sample, order};
 use proptest::prelude::*;
 
 use crate::avatars::{self, discs_on};
@@ -384,6 +384,38 @@ fn movements_return_rounded_up_and_are_written_where_there_are_any() {
     for joints in [vec![], vec![1.0], vec![1.0, f32::NAN], vec![1.0, -1.0], vec![1.0, 1e6]] {
         source.movements = Some(MeasuredMovements { joints, ..written.clone() });
         assert!(encode(&source).unwrap_err().to_string().contains("movements"));
+    }
+}
+
+#[test]
+fn samples_return_rounded_down_and_are_written_where_there_are_any() {
+    let mut source = avatars::rigged();
+    let bytes = encode(&source).unwrap();
+    let found = Avatar::parse(&bytes).unwrap().samples().expect("they were written");
+    let written = std::mem::take(&mut source.samples);
+    assert_eq!(found.iter().count(), written.len());
+    for (found, written) in found.iter().zip(&written) {
+        assert_eq!(found.triangle, written.triangle);
+        for (found, written) in [(found.area, written.area), (found.fill, written.fill)] {
+            assert!(
+                found <= written && found >= written * (1.0 - 1.0 / 128.0),
+                "{found} {written}"
+            );
+        }
+    }
+    let without = encode(&source).unwrap();
+    assert_eq!(without.len(), bytes.len() - 12 - 2 * 8);
+    assert!(Avatar::parse(&without).unwrap().samples().is_none());
+    let usual = written[0];
+    for wrong in [
+        Sample { triangle: 1, ..usual },
+        Sample { triangle: u32::MAX, ..usual },
+        Sample { area: -1.0, ..usual },
+        Sample { area: 1e6, ..usual },
+        Sample { fill: f32::NAN, ..usual },
+    ] {
+        source.samples = vec![wrong, written[1]];
+        assert!(encode(&source).unwrap_err().to_string().contains("samples"), "{wrong:?}");
     }
 }
 

@@ -47,6 +47,12 @@ pub(crate) fn walk(avatar: &Avatar<'_>) {
             assert_eq!(curves.point(0, octave, stop), None);
         }
     }
+    if let Some(samples) = avatar.samples() {
+        let triangles: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
+        assert!(triangles.is_sorted() && triangles.iter().all(|&t| t < header.triangles));
+        let mut numbers = samples.iter().flat_map(|sample| [sample.area, sample.fill]);
+        assert!(numbers.all(|number| (0.0..=1e6).contains(&number)));
+    }
     if let Some(movements) = avatar.movements() {
         let lens = [header.joints, header.morph_targets, header.clips].map(usize::from);
         let of = |kind: usize, index: usize| match kind {

@@ -31,10 +31,10 @@ impl Curve<'_, '_, '_> {
             Some(_) => self.measured(stop),
             None => unmeasured(count),
         };
-        let area = self.footprint.area;
+        let Footprint { area, fill, .. } = *self.footprint;
         let error = (error * area * self.weight).at_least(0.0);
         let error = if error.is_finite() { error } else { f32::MAX };
-        (count.min(avatar.present(self.region)), CurvePoint { error, blends: blends * area })
+        (count.min(avatar.present(self.region)), CurvePoint { error, blends: blends * fill })
     }
 
     /// Of one pixel, between two octaves as a straight line: beyond the last as at the last, nearer than the first as at

@@ -2,7 +2,7 @@
 
 use dermis_format::curves::stops;
 use dermis_format::source::{Gaussians, MeasuredCurves, Region, Source};
-use dermis_format::{CurvePoint, FrameKind};
+use dermis_format::{CurvePoint, FrameKind, Sample};
 use dermis_runtime::budget::{Budget, Gaze, Instance, Spent, plan, scratch_len};
 use dermis_runtime::footprint::{Footprint, covered};
 use dermis_runtime::project::View;
@@ -48,6 +48,7 @@ fn any_footprint() -> impl Strategy<Value = Footprint> {
     let area = prop_oneof![1 => Just(0.0f32), 4 => 1.0f32..1e5];
     (area, -2.0f32..9.0).prop_map(|(area, octave)| Footprint {
         area,
+        fill: area,
         density: octave.exp2(),
         center: [area.sqrt(), 3.0],
     })
@@ -268,7 +269,9 @@ fn a_near_avatar_gets_more_than_a_far_one_and_the_eye_decides_between_equals() {
     let avatar = Avatar::parse(&file).unwrap();
     let at = |area: f32, x: f32| Instance {
         avatar: &avatar,
-        footprints: [Footprint { area, density: 100.0, center: [x, 0.0] }].into_iter().collect(),
+        footprints: [Footprint { area, fill: area, density: 100.0, center: [x, 0.0] }]
+            .into_iter()
+            .collect(),
         weight: 1.0,
     };
     let budget = Budget::of_gaussians(500);
@@ -350,6 +353,52 @@ fn footprints_are_of_the_surface_alone() {
     assert_eq!(of(&with_coarser), of(&file));
 }
 
+/// Two of forty triangles stand for all, the rest for nothing; by every kernel the same.
+#[test]
+fn samples_stand_for_what_the_file_says() {
+    let mut source = sheet(&[DOT]);
+    let triangle = |i: u32| {
+        let at = 0.02 * i as f32 - 0.4;
+        [[at, 0.0, 0.0], [at + 0.01, 0.0, 0.0], [at, 0.01, 0.001 * i as f32]]
+    };
+    source.mesh.positions = (0..40).flat_map(triangle).collect();
+    source.mesh.triangles = (0..40).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    source.mesh.two_sided = vec![false; 40];
+    source.mesh.triangle_regions = vec![0; 40];
+    let chosen = [(3, 8.0, 2.0), (37, 16.0, 32.0)];
+    source.samples = chosen.map(|(triangle, area, fill)| Sample { triangle, area, fill }).to_vec();
+    let file = bytes(&source);
+    let avatar = Avatar::parse(&file).unwrap();
+    let camera = |x: f32| Camera {
+        width: 400,
+        height: 300,
+        fx: 300.0,
+        fy: 300.0,
+        cx: 200.0,
+        cy: 150.0,
+        world_to_camera: [[1.0, 0.0, 0.0, x], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0]],
+    };
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    for kernel in Kernel::available() {
+        let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut scratch).unwrap();
+        let view = View::<f32>::new(&camera(0.0));
+        let own = |triangle: u32| {
+            covered(&posed.frame(triangle).unwrap(), avatar.header().frame, &view).area
+        };
+        let Footprint { area, fill, .. } = posed.footprints(&camera(0.0))[0];
+        let expected = [8.0 * own(3) + 16.0 * own(37), 2.0 * own(3) + 32.0 * own(37)];
+        for (found, expected) in [area, fill].into_iter().zip(expected) {
+            assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
+        }
+        // Neither is in the frame, but others are, each for itself.
+        let near = Camera { fx: 3000.0, fy: 3000.0, ..camera(0.0) };
+        let Footprint { area, fill, .. } = posed.footprints(&near)[0];
+        assert!(area > 0.0 && area == fill, "{area} {fill}");
+        // None is.
+        assert_eq!(posed.footprints(&camera(9.0))[0], Footprint::default());
+    }
+}
+
 /// A mesh of which one triangle in seven is looked at, its parts of all sizes, near and far, and turned away.
 #[test]
 fn footprints_of_large_meshes_are_within_a_tenth() {
@@ -420,8 +469,9 @@ fn footprints_are_the_pixels_that_triangles_cover() {
         let posed = Posed::new(&avatar, &Pose::Rest, kernel, &mut scratch).unwrap();
         for distance in [2.0, 5.0, 40.0] {
             let footprints = posed.footprints(&front(distance));
-            let Footprint { area, density, center } = footprints[0];
+            let Footprint { area, fill, density, center } = footprints[0];
             assert!((area / expected(distance) - 1.0).abs() < 1e-5, "{area} at {distance} m");
+            assert_eq!(fill, area, "no file says that blends differ");
             assert!((density * distance / 3000f32.sqrt() - 1.0).abs() < 1e-5, "{density}");
             assert!(center[0] == 100.0 && (center[1] - 50.0).abs() < 1e-3, "{center:?}");
         }

@@ -15,6 +15,7 @@ pub(crate) fn columns(avatar: &Avatar<'_>) -> Columns {
     let mut columns = Columns::new();
     columns.insert("header".into(), header(avatar));
     add_mesh(avatar, &mut columns);
+    add_samples(avatar, &mut columns);
     add_rig(avatar, &mut columns);
     for (index, block) in avatar.blocks().enumerate() {
         add_block(avatar, &block, &format!("BLCK {index}"), &mut columns);
@@ -87,6 +88,13 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
         words.extend(bits(numbers));
         add("CURV", words);
     }
+}
+
+fn add_samples(avatar: &Avatar<'_>, columns: &mut Columns) {
+    let Some(samples) = avatar.samples() else { return };
+    let mut words: Vec<u32> = samples.iter().map(|sample| sample.triangle).collect();
+    words.extend(bits(samples.iter().flat_map(|sample| [sample.area, sample.fill])));
+    columns.insert("SAMP".into(), words);
 }
 
 fn add_rig(avatar: &Avatar<'_>, columns: &mut Columns) {

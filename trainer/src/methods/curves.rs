@@ -85,6 +85,21 @@ impl Sums {
     }
 }
 
+/// What each triangle of the surface, `surface` of them, covers that shows something: its index, px², and its depth, m.
+pub(super) fn footprint_of_each(
+    view: &TrainingView,
+    stage: &Stage,
+    kind: FrameKind,
+    surface: usize,
+) -> impl Iterator<Item = (usize, f64, f32)> {
+    let camera = View::<f32>::new(&view.camera);
+    let triangles = stage.frames.iter().zip(&stage.two_sided).enumerate().take(surface);
+    triangles.filter_map(move |(triangle, (frame, &two_sided))| {
+        let Covered { area, center: [.., z] } = covered(frame.as_ref()?, kind, &camera);
+        (area > 0.0 || two_sided).then_some((triangle, f64::from(area.abs()), z))
+    })
+}
+
 /// Pixels that the triangles of each region cover that show something, and how many there are to a metre: the root of
 /// their mean square.
 fn footprints(
@@ -93,18 +108,11 @@ fn footprints(
     kind: FrameKind,
     regions: &Regions,
 ) -> (Vec<f64>, f32) {
-    let camera = View::<f32>::new(&view.camera);
     let mut areas = vec![0.0; regions.len()];
     let mut squares = 0.0;
-    let triangles = stage.frames.iter().zip(&stage.two_sided).zip(&regions.of_triangles);
-    for ((frame, &two_sided), &region) in triangles {
-        let Some(frame) = frame else { continue };
-        let Covered { area, center: [.., z] } = covered(frame, kind, &camera);
-        if area > 0.0 || two_sided {
-            let area = f64::from(area.abs());
-            areas[usize::from(region)] += area;
-            squares += area * f64::from(view.camera.fx * view.camera.fy / (z * z)).abs();
-        }
+    for (triangle, area, z) in footprint_of_each(view, stage, kind, regions.of_triangles.len()) {
+        areas[usize::from(regions.of_triangles[triangle])] += area;
+        squares += area * f64::from(view.camera.fx * view.camera.fy / (z * z)).abs();
     }
     let all = areas.iter().sum::<f64>().max(1e-9);
     (areas, (squares / all).sqrt().max(1e-9) as f32)
@@ -177,7 +185,7 @@ fn add_near_view(
 }
 
 /// What each cloud has at a stop.
-fn prefixes(clouds: &[Cloud], stop: usize) -> Vec<Prefix> {
+pub(super) fn prefixes(clouds: &[Cloud], stop: usize) -> Vec<Prefix> {
     let prefix = |cloud: &Cloud| {
         let (layers, len) = (&cloud.layers, cloud.layers.len());
         Prefix::of(count_at(stop, |layer| layers[layer], len), cloud)

@@ -2,7 +2,7 @@
 //!
 //! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
 //! 2. `parts` are the triangles that options choose; `culling` says what a trained cloud loses by it,
-//!    `curves` how good a picture each count makes.
+//!    `curves` how good a picture each count makes, `samples` which triangles stand for the others.
 //! 3. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
 
 mod alone;
@@ -12,6 +12,7 @@ mod dermis;
 mod lapisgs;
 mod lodavatar;
 mod parts;
+mod samples;
 mod workshop;
 
 pub use culling::Culling;

@@ -3,14 +3,15 @@
 use core::ops::Range;
 
 use anyhow::{Context, Result, ensure};
-use dermis_format::Avatar;
 use dermis_format::source::{Importance, MeasuredCurves, Source};
+use dermis_format::{Avatar, Sample};
 use dermis_runtime::{Kernel, Pose, Posed};
 use rayon::prelude::*;
 
 use super::culling::{self, Culling};
 use super::curves;
 use super::parts::Parts;
+use super::samples;
 use crate::checkpoint::Journal;
 use crate::embed::carriers::Carriers;
 use crate::embed::density;
@@ -145,6 +146,13 @@ impl<'a> Workshop<'a> {
         let stored = precision.stored(clouds)?;
         let kind = self.options.method.mathematics().frame;
         curves::measure(&stored, &self.problem(), kind, &self.parts.regions)
+    }
+
+    /// Which triangles stand for the others, for the same clouds.
+    pub fn samples(&self, clouds: &[Cloud], precision: &Precision) -> Result<Vec<Sample>> {
+        let stored = precision.stored(clouds)?;
+        let kind = self.options.method.mathematics().frame;
+        Ok(samples::choose(&stored, &self.problem(), kind, &self.parts.regions))
     }
 
     /// How much each region matters, which moves in `clips` and of which views have `seen` so much.
