@@ -30,8 +30,8 @@ pub struct Footprint {
     /// Pixels that its triangles cover which show something, each as if it were alone: px². 0 where none does.
     pub area: f32,
     /// The same, each px² weighted by how many Gaussians are blended there, to the mean over the region: by what blends are
-    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area; 0 where no triangle's middle is
-    /// in the frame.
+    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area; where it
+    /// does, and no triangle's middle is in the frame, 0.
     pub fill: f32,
     /// Pixels to a metre: the root of the mean square over that area.
     pub density: f32,
@@ -52,8 +52,8 @@ impl Posed<'_, '_> {
     /// so that areas come out within 10 % of the whole sum, of either sign. Where it names none, of a large
     /// mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is within 10 % where sizes and
     /// slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in the frame. Of a
-    /// region that would be found to cover nothing all are looked at, and if that finds nothing, with how far their Gaussians
-    /// reach.
+    /// region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too, where the file
+    /// names none or that finds nothing.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);
@@ -69,12 +69,15 @@ impl Posed<'_, '_> {
             self.add_footprints(&view, extent, looked_at, &mut sums);
             collected((0..regions).map(|region| sums.footprint(region, share, &view)))
         };
-        let mut footprints = match self.avatar().samples() {
-            Some(samples) => found(LookedAt::Samples(samples), 1.0, Extent::default()),
-            None => found(LookedAt::Runs { stride }, share, Extent::default()),
+        let (here, reaching) = (Extent::default(), widest_extent(self.avatar()));
+        let (mut footprints, otherwise): (_, &[(Extent, f32)]) = match self.avatar().samples() {
+            // What stands out of the frame, and only reaches into it, blends next to nothing.
+            Some(samples) => {
+                (found(LookedAt::Samples(samples), 1.0, here), &[(here, 1.0), (reaching, 0.0)])
+            }
+            None => (found(LookedAt::Runs { stride }, share, here), &[(reaching, 1.0)]),
         };
-        // What stands out of the frame, and only reaches into it, blends next to nothing.
-        for (extent, fill) in [(Extent::default(), 1.0), (widest_extent(self.avatar()), 0.0)] {
+        for &(extent, fill) in otherwise {
             if footprints.iter().all(|footprint| footprint.area > 0.0) {
                 break;
             }
