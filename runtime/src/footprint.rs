@@ -52,8 +52,8 @@ impl Posed<'_, '_> {
     /// so that areas come out within 10 % of the whole sum, of either sign. Where it names none, of a large
     /// mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is within 10 % where sizes and
     /// slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in the frame. Of a
-    /// region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too, where the file
-    /// names none or that finds nothing.
+    /// region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too, where the
+    /// file names none or that finds nothing.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);

@@ -27,9 +27,9 @@ use curve::Curve;
 pub struct Budget {
     /// Gaussians of all plans together.
     pub gaussians: u32,
-    /// Gaussians blended into pixels, as the curves predict it: of a human, trained, 7 % too few to 7 % too many from 8 to 1 m from in
-    /// front, up to 13 % too many from other sides; of a head that hides most of itself up to 16 % too few. Of files without the
-    /// section `SAMP` up to three times too few or 1.7 times too many. Infinite: as many as there are.
+    /// Gaussians blended into pixels, as the curves predict it: of a human, trained, within 7 % from 8 to 1 m from in front,
+    /// up to 13 % too many from other sides; of a head that hides most of itself up to 16 % too few. Of files without the
+    /// section `SAMP` up to three times too few or 1.4 times too many. Infinite: as many as there are.
     pub blends: f32,
     /// What moves less than so many pixels (root of the mean square over its surface, where the avatar is largest on the screen)
     /// stays as it rests: [`Plan::still_below`]. 0: everything moves.
