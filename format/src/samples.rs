@@ -22,8 +22,8 @@ pub struct Sample {
 pub struct Samples<'a>(&'a [SampleRecord]);
 
 impl<'a> Samples<'a> {
-    /// `None` where the payload is no whole number of records, triangles do not exist or do not ascend, or a number is out of
-    /// its range.
+    /// `None` where the payload is no whole number of records, triangles do not exist or do not ascend, or a number is out
+    /// of its range.
     pub(crate) fn split(payload: &'a [u8], header: &Header) -> Option<Self> {
         let samples = Self(plane(payload)?);
         let in_range = |number: f32| (0.0..=MOST).contains(&number);

@@ -30,13 +30,19 @@ pub struct Footprint {
     /// Pixels that its triangles cover which show something, each as if it were alone: px². 0 where none does.
     pub area: f32,
     /// The same, each px² weighted by how many Gaussians are blended there, to the mean over the region: by what blends are
-    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area; 0 where no triangle's middle is
-    /// in the frame.
+    /// foretold. Where the file does not say how they differ (section `SAMP`) it is the area; where it
+    /// does, and no triangle's middle is in the frame, 0.
     pub fill: f32,
     /// Pixels to a metre: the root of the mean square over that area.
     pub density: f32,
     /// The middle of that area, px.
     pub center: [f32; 2],
+}
+
+impl Footprint {
+    fn without_fill(self) -> Self {
+        Self { fill: 0.0, ..self }
+    }
 }
 
 /// Of each region.
@@ -52,8 +58,8 @@ impl Posed<'_, '_> {
     /// so that areas come out within 10 % of the whole sum, of either sign. Where it names none, of a large
     /// mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is within 10 % where sizes and
     /// slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in the frame. Of a
-    /// region that would be found to cover nothing all are looked at, and if that finds nothing, with how far their Gaussians
-    /// reach.
+    /// region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too, where the
+    /// file names none or that finds nothing.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);
@@ -62,25 +68,20 @@ impl Posed<'_, '_> {
             let all = of_box(self.avatar(), &view);
             return collected((0..regions).map(|_| all));
         }
-        let mut footprints = match self.avatar().samples() {
-            Some(samples) => self.sum_up(&view, Extent::default(), 1.0, samples.iter()),
-            None => {
-                let runs = FrameBlock::count(triangles);
-                let stride = (runs / RUNS / regions.max(1)).max(1);
-                let share = runs.div_ceil(stride) as f32 / runs as f32;
-                self.sum_up(&view, Extent::default(), share, in_runs(triangles, stride))
-            }
+        let all = |extent: Extent| self.sum_up(&view, extent, 1.0, in_runs(triangles, 1));
+        let reaching = || all(widest_extent(self.avatar()));
+        let Some(samples) = self.avatar().samples() else {
+            let runs = FrameBlock::count(triangles);
+            let stride = (runs / RUNS / regions.max(1)).max(1);
+            let share = runs.div_ceil(stride) as f32 / runs as f32;
+            let some = in_runs(triangles, stride);
+            let footprints = self.sum_up(&view, Extent::default(), share, some);
+            return completed(footprints, reaching);
         };
+        let footprints = self.sum_up(&view, Extent::default(), 1.0, samples.iter());
+        let footprints = completed(footprints, || all(Extent::default()));
         // What stands out of the frame, and only reaches into it, blends next to nothing.
-        for (extent, fill) in [(Extent::default(), 1.0), (widest_extent(self.avatar()), 0.0)] {
-            if footprints.iter().all(|footprint| footprint.area > 0.0) {
-                break;
-            }
-            let all = self.sum_up(&view, extent, 1.0, in_runs(triangles, 1));
-            let none = footprints.iter_mut().zip(all).filter(|(some, _)| some.area == 0.0);
-            none.for_each(|(none, all)| *none = Footprint { fill: fill * all.fill, ..all });
-        }
-        footprints
+        completed(footprints, || collected(reaching().into_iter().map(Footprint::without_fill)))
     }
 
     /// Footprints by triangles that stand for such a share of what they name.
@@ -96,6 +97,15 @@ impl Posed<'_, '_> {
         self.add_footprints(view, extent, samples, &mut sums);
         collected((0..regions).map(|region| sums.footprint(region, share, view)))
     }
+}
+
+/// With those of `others` in the place of footprints that cover nothing.
+fn completed(mut footprints: Footprints, others: impl FnOnce() -> Footprints) -> Footprints {
+    if footprints.iter().any(|footprint| footprint.area == 0.0) {
+        let pairs = footprints.iter_mut().zip(others()).filter(|(own, _)| own.area == 0.0);
+        pairs.for_each(|(own, other)| *own = other);
+    }
+    footprints
 }
 
 /// Runs of sixteen triangles that are looked at where the file names none, for each region.

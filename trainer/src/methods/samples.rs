@@ -1,7 +1,7 @@
 //! Triangles that stand for a region where a plan asks what it covers, and how many blends that makes.
 //!
-//! Triangles that are near each other and look the same way, in several poses, are seen or not seen together: one of each such
-//! cluster stands for all, by what they cover and blend in training pictures.
+//! Triangles that are near each other and look the same way, in several poses, are seen or not seen together: one of each
+//! such cluster stands for all, by what they cover and blend in training pictures.
 
 use dermis_format::curves::stops;
 use dermis_format::{FrameKind, Sample};
