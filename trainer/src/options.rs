@@ -11,11 +11,11 @@ use crate::optimize::schedule::{Nested, Prefixes, Schedule};
 /// How much effort training takes: steps and key frames, never a clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Preset {
-    /// 1,700 steps of 540×540, 4 key frames: a minute for a person on two cores.
+    /// 1,600 steps of 540×540, 4 key frames: a minute for a person on two cores.
     Draft,
-    /// 14,500 steps of 540×540, 20 key frames: five minutes.
+    /// 13,600 steps of 540×540, 20 key frames: five minutes.
     Default,
-    /// 10,000 steps of 1080×1080, 20 key frames: twenty minutes for 296,000 Gaussians.
+    /// 9,400 steps of 1080×1080, 20 key frames: twenty minutes for 296,000 Gaussians.
     Best,
 }
 
@@ -83,9 +83,9 @@ impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size) = match preset {
-            Preset::Draft => (1_700, 150, 4, 540),
-            Preset::Default => (14_500, 300, 20, 540),
-            Preset::Best => (10_000, 300, 20, 1080),
+            Preset::Draft => (1_600, 150, 4, 540),
+            Preset::Default => (13_600, 300, 20, 540),
+            Preset::Best => (9_400, 300, 20, 1080),
         };
         Self {
             method: Method::Dermis,
@@ -106,10 +106,10 @@ impl Options {
             blend_price: 0.0,
             per_level: true,
             nested: Nested {
-                whole: 0.25,
-                level: 0.55,
+                whole: 0.35,
+                level: 0.5,
                 least: 1.0 / 64.0,
-                afar: [0.35, 0.5, 1.0],
+                afar: [0.35, 0.35, 1.0],
                 apart: 0.25,
             },
             detail: Detail::default(),

@@ -242,6 +242,11 @@ impl Prefix {
         self.count == 0 || cloud.levels.get(self.level).is_none_or(whole)
     }
 
+    /// Whether a picture of it takes anything from parameters of a level.
+    pub fn shows(&self, level: usize) -> bool {
+        level == self.level || (level + 1 == self.level && self.lower_share > 0.0)
+    }
+
     /// What Gaussian `index` is at the level below, where that matters.
     #[inline]
     pub fn lower<'a>(&self, cloud: &'a Cloud, index: usize) -> Option<&'a Parameters> {

@@ -9,7 +9,7 @@ use dermis_runtime::Camera;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::adam::{Moments, Rates};
+use super::adam::Moments;
 use super::backward::{SplatGradient, by_splats};
 use super::cloud::{Cloud, Parameters, Prefix};
 use super::forward::{Forward, Stage, draw};
@@ -52,8 +52,9 @@ pub struct Descent<'a> {
     clouds: Vec<Cloud>,
     motions: Vec<Motion>,
     random: Random,
-    /// Views that this round has not seen yet, the next one last.
-    order: Vec<usize>,
+    /// Views that this round has not seen yet, the next one last: of each kind of steps ([`kind`]), so that a level sees all
+    /// views equally often, however seldom it is drawn.
+    orders: Vec<Vec<usize>>,
     step: u32,
     /// Of the file's numbers; chosen when the last steps begin.
     precision: Option<Precision>,
@@ -91,7 +92,7 @@ pub struct State<'a> {
     step: u32,
     random: Random,
     /// Empty at the end.
-    order: Cow<'a, [usize]>,
+    orders: Cow<'a, [Vec<usize>]>,
     precision: Option<Cow<'a, Precision>>,
     /// Of each region.
     levels: Vec<Cow<'a, [Vec<Parameters>]>>,
@@ -102,8 +103,8 @@ pub struct State<'a> {
 impl State<'_> {
     /// Bytes that it takes, roughly.
     pub fn bytes(&self) -> usize {
-        let of_order = 2 * self.order.len();
-        of_order + bytes(&self.levels) + bytes(&self.moments)
+        let of_orders = 2 * self.orders.iter().map(Vec::len).sum::<usize>();
+        of_orders + bytes(&self.levels) + bytes(&self.moments)
     }
 }
 
@@ -119,9 +120,9 @@ impl<'a> Descent<'a> {
             problem,
             schedule,
             motions: clouds.iter().map(Motion::new).collect(),
+            orders: vec![Vec::new(); kinds(&clouds)],
             clouds,
             random,
-            order: Vec::new(),
             step: 0,
             precision: None,
             workspaces: Default::default(),
@@ -148,12 +149,12 @@ impl<'a> Descent<'a> {
     /// Where it is.
     pub fn state(&self) -> State<'_> {
         // Who is done moves no more.
-        let (order, motions) =
-            if self.is_done() { Default::default() } else { (&self.order[..], &self.motions[..]) };
+        let (orders, motions) =
+            if self.is_done() { Default::default() } else { (&self.orders[..], &self.motions[..]) };
         State {
             step: self.step,
             random: self.random.clone(),
-            order: order.into(),
+            orders: orders.into(),
             precision: self.precision.as_ref().map(Cow::Borrowed),
             levels: self.clouds.iter().map(|cloud| cloud.levels[..].into()).collect(),
             moments: motions.iter().map(|motion| motion.moments[..].into()).collect(),
@@ -167,12 +168,13 @@ impl<'a> Descent<'a> {
         self.step = state.step;
         let views = self.problem.views.len();
         let fits = state.step <= self.schedule.steps
-            && state.order.iter().all(|&view| view < views)
+            && state.orders.iter().flatten().all(|&view| view < views)
+            && (self.is_done() || state.orders.len() == self.orders.len())
             && same_lengths(&state.levels, self.clouds.iter().map(|cloud| &cloud.levels))
             && (self.is_done()
                 || same_lengths(&state.moments, self.motions.iter().map(|motion| &motion.moments)));
         self.random = state.random;
-        self.order = state.order.into_owned();
+        self.orders = state.orders.into_owned();
         self.precision = state.precision.map(Cow::into_owned);
         for (cloud, levels) in self.clouds.iter_mut().zip(state.levels) {
             cloud.levels = levels.into_owned();
@@ -190,7 +192,7 @@ impl<'a> Descent<'a> {
         let finishes = self.schedule.finishes_at(self.step);
         let shots: Vec<Shot<'_>> = (0..steps).map(|_| self.next_shot()).collect();
         let start = Instant::now();
-        let stored = if finishes { Some(self.stored()?) } else { None };
+        let stored = if finishes { Some(self.stored(&shots)?) } else { None };
         let (clouds, problem) = (stored.as_ref().unwrap_or(&self.clouds), self.problem);
         let mut advance = Advance { steps, ..Advance::default() };
         advance.times.forward += milliseconds(start);
@@ -204,13 +206,14 @@ impl<'a> Descent<'a> {
             let regions = self.clouds.iter_mut().zip(&mut self.motions);
             let drawn = shot.prefixes.iter().zip(&forward.regions);
             for ((cloud, motion), (&prefix, drawn)) in regions.zip(drawn) {
+                let rates = self.schedule.rates_of_levels(shot.step, cloud);
                 let mover = Mover {
                     camera: &shot.camera,
                     low_pass: problem.low_pass,
                     stage: &problem.stages[shot.view.stage],
                     prefix,
                     drawn: drawn.clone(),
-                    rates: shot.rates,
+                    rates: &rates,
                 };
                 mover.advance(cloud, motion, forward, gradients);
             }
@@ -224,8 +227,8 @@ impl<'a> Descent<'a> {
         Ok(advance)
     }
 
-    /// The clouds as a file would hold them.
-    fn stored(&mut self) -> Result<Vec<Cloud>> {
+    /// The clouds as a file would hold them, as far as `shots` see them.
+    fn stored(&mut self, shots: &[Shot<'_>]) -> Result<Vec<Cloud>> {
         let precision = match &self.precision {
             Some(precision) => precision,
             None => {
@@ -236,33 +239,47 @@ impl<'a> Descent<'a> {
                 self.precision.insert(Precision::choose(clouds, &moments, problem, max_loss_db)?)
             }
         };
-        precision.stored(&self.clouds)
+        let drawn: Vec<&[Prefix]> = shots.iter().map(|shot| &shot.prefixes[..]).collect();
+        precision.stored_as_drawn(&self.clouds, &drawn)
     }
 
     /// What the next step draws.
     fn next_shot(&mut self) -> Shot<'a> {
         let Self { problem, schedule, clouds, random, .. } = self;
-        if self.order.is_empty() {
-            self.order = (0..problem.views.len()).collect();
-            random.shuffle(&mut self.order);
-        }
-        let view = &problem.views[self.order.pop().unwrap_or(0)];
         let prefixes = schedule.prefixes(clouds, random);
+        let order = &mut self.orders[kind(&prefixes, clouds)];
+        if order.is_empty() {
+            *order = (0..problem.views.len()).collect();
+            random.shuffle(order);
+        }
+        let view = &problem.views[order.pop().unwrap_or(0)];
         let background = schedule.background(problem.background, random);
         let shift = schedule.shift_at(self.step, clouds, &prefixes, random);
-        let rates = schedule.rates_at(self.step);
+        let step = self.step;
         self.step += 1;
-        Shot { view, camera: scaled(&view.camera, shift), prefixes, background, rates, shift }
+        Shot { step, view, camera: scaled(&view.camera, shift), prefixes, background, shift }
     }
+}
+
+/// Kinds of steps on such clouds.
+fn kinds(clouds: &[Cloud]) -> usize {
+    2 * clouds.iter().map(|cloud| cloud.levels.len()).max().unwrap_or(0).max(1)
+}
+
+/// Which level a step reaches, and whether it draws whole levels only.
+fn kind(prefixes: &[Prefix], clouds: &[Cloud]) -> usize {
+    let level = prefixes.iter().map(|prefix| prefix.level).max().unwrap_or(0);
+    let whole = prefixes.iter().zip(clouds).all(|(prefix, cloud)| prefix.is_level_of(cloud));
+    2 * level + usize::from(whole)
 }
 
 /// What a step draws.
 struct Shot<'a> {
+    step: u32,
     view: &'a TrainingView,
     camera: Camera,
     prefixes: Vec<Prefix>,
     background: [f32; 3],
-    rates: Rates,
     shift: u32,
 }
 

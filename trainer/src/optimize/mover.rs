@@ -31,8 +31,8 @@ pub struct Mover<'a> {
     pub prefix: Prefix,
     /// Splats of it.
     pub drawn: Range<usize>,
-    /// How far to go.
-    pub rates: Rates,
+    /// How far to go, level by level.
+    pub rates: &'a [Rates],
 }
 
 /// How the Gaussians of a region move.
@@ -58,6 +58,7 @@ impl Motion {
 
 /// Neighbours in the cloud, at one level.
 struct Neighbours<'a> {
+    rates: &'a Rates,
     parameters: &'a mut [Parameters],
     moments: &'a mut [Moments],
     sigmas: &'a [f32],
@@ -82,15 +83,16 @@ impl Mover<'_> {
             forward,
             gradients,
         };
-        let mut levels =
-            levels.iter_mut().zip(moments).zip(sigmas).map(|((parameters, moments), sigmas)| {
-                let chunks = parameters.chunks_mut(CHUNK).zip(moments.chunks_mut(CHUNK));
-                chunks.zip(sigmas.chunks(CHUNK)).map(|((parameters, moments), sigmas)| Neighbours {
-                    parameters,
-                    moments,
-                    sigmas,
-                })
-            });
+        let levels = levels.iter_mut().zip(moments).zip(sigmas).zip(self.rates);
+        let mut levels = levels.map(|(((parameters, moments), sigmas), rates)| {
+            let chunks = parameters.chunks_mut(CHUNK).zip(moments.chunks_mut(CHUNK));
+            chunks.zip(sigmas.chunks(CHUNK)).map(|((parameters, moments), sigmas)| Neighbours {
+                rates,
+                parameters,
+                moments,
+                sigmas,
+            })
+        });
         let below = self.prefix.level.checked_sub(1).and_then(|below| levels.nth(below));
         let Some(level) = levels.next() else { return };
         // The level below holds the first ones only.
@@ -154,7 +156,7 @@ impl Mover<'_> {
         };
         let gradient = gradient.to_array().map(|g| share * g);
         if gradient.iter().all(|g| g.is_finite()) {
-            all.moments[at].step(parameters, &gradient, &self.rates, all.sigmas[at]);
+            all.moments[at].step(parameters, &gradient, all.rates, all.sigmas[at]);
         }
     }
 }

@@ -18,7 +18,7 @@ use super::cloud::{Cloud, Parameters, Prefix};
 use super::descend::Problem;
 use super::forward::{Stage, draw};
 use super::limits::Limits;
-use super::rounding::{as_stored, level_as_stored};
+use super::rounding::level_as_stored;
 use crate::picture::Picture;
 use crate::truth::{Scratch, TrainingView};
 
@@ -77,13 +77,43 @@ impl Precision {
         clouds.iter().zip(&self.limits).map(of_cloud).collect()
     }
 
-    /// What a reader gets of clouds ([`as_stored`]).
+    /// What a reader gets of clouds ([`level_as_stored`]).
     ///
     /// # Errors
     ///
     /// Where a number is not finite.
     pub fn stored(&self, clouds: &[Cloud]) -> Result<Vec<Cloud>> {
-        self.within_limits(clouds).iter().map(|cloud| as_stored(cloud, &self.widths)).collect()
+        self.stored_where(clouds, |_, _| true)
+    }
+
+    /// The same of the levels that pictures of `drawn` show: the prefix of each region, picture by picture. Other levels stay
+    /// as they are.
+    ///
+    /// # Errors
+    ///
+    /// Where a number is not finite.
+    pub fn stored_as_drawn(&self, clouds: &[Cloud], drawn: &[&[Prefix]]) -> Result<Vec<Cloud>> {
+        self.stored_where(clouds, |region, level| {
+            drawn.iter().any(|prefixes| prefixes[region].shows(level))
+        })
+    }
+
+    fn stored_where(
+        &self,
+        clouds: &[Cloud],
+        wanted: impl Fn(usize, usize) -> bool,
+    ) -> Result<Vec<Cloud>> {
+        let mut all = clouds.to_vec();
+        let regions = clouds.iter().zip(&mut all).zip(&self.limits).enumerate();
+        for (region, ((cloud, stored), limits)) in regions {
+            for (number, (level, limits)) in stored.levels.iter_mut().zip(limits).enumerate() {
+                if wanted(region, number) {
+                    limits.keep(cloud, level);
+                    *level = level_as_stored(cloud, level, &self.widths)?;
+                }
+            }
+        }
+        Ok(all)
     }
 }
 

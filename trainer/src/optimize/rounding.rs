@@ -11,18 +11,12 @@ use rayon::prelude::*;
 
 use super::cloud::{Cloud, Parameters};
 
-/// What a reader gets of `cloud`, opacities within 10⁻⁴, its discs' numbers having `widths` bits at each layer of the
-/// file (8 each where there are none). It costs about 0.2 µs for each Gaussian of each level.
+/// What a reader gets of a level of `cloud`, opacities within 10⁻⁴, its discs' numbers having `widths` bits at each layer of
+/// the file (8 each where there are none). It costs about 0.2 µs for each Gaussian.
 ///
 /// # Errors
 ///
 /// Where a number is not finite.
-pub fn as_stored(cloud: &Cloud, widths: &[DiscWidths]) -> Result<Cloud> {
-    let levels = cloud.levels.iter().map(|level| level_as_stored(cloud, level, widths));
-    Ok(Cloud { levels: levels.collect::<Result<_>>()?, ..cloud.clone() })
-}
-
-/// One level of `cloud`, as [`as_stored`] gives all of them.
 pub(super) fn level_as_stored(
     cloud: &Cloud,
     level: &[Parameters],

@@ -102,8 +102,22 @@ pub struct Nested {
 impl Schedule {
     /// Rates of a step: they fall exponentially.
     pub fn rates_at(&self, step: u32) -> Rates {
-        let progress = step as f32 / self.steps.max(1) as f32;
-        self.rates.times(libm::powf(self.last_rate, progress))
+        self.rates.times(libm::powf(self.last_rate, self.progress(step)))
+    }
+
+    /// Rates of each level of `cloud` in a step. Of a nested order those before the last, which are drawn more seldom, stay
+    /// fast for longer: their rates fall in a straight line to nothing.
+    pub fn rates_of_levels(&self, step: u32, cloud: &Cloud) -> Vec<Rates> {
+        let mut rates = vec![self.rates_at(step); cloud.levels.len()];
+        if let (Prefixes::Nested(_), [earlier @ .., _]) = (self.prefixes, &mut rates[..]) {
+            earlier.fill(self.rates.times(1.0 - self.progress(step)));
+        }
+        rates
+    }
+
+    /// Share of the steps that are done.
+    fn progress(&self, step: u32) -> f32 {
+        step as f32 / self.steps.max(1) as f32
     }
 
     /// Pictures of a step that draws `prefixes` of `clouds` are matched at 1/2^shift of their size.
@@ -218,6 +232,28 @@ impl Default for Rates {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::{Options, Preset};
+
+    #[test]
+    fn of_a_nested_order_alone_levels_before_the_last_have_rates_of_their_own() {
+        let options = Options::preset(Preset::Draft);
+        let cloud = Cloud { levels: vec![Vec::new(); 3], ..Cloud::default() };
+        let all = [Prefixes::All, Prefixes::Level(1), Prefixes::Nested(options.nested)];
+        let [alone, level, nested] = all.map(|prefixes| options.schedule(prefixes));
+        for tenth in 1..10 {
+            let step = options.steps * tenth / 10;
+            let rate = alone.rates_at(step);
+            assert_eq!(alone.rates_of_levels(step, &cloud), [rate; 3]);
+            assert_eq!(level.rates_of_levels(step, &cloud), [rate; 3]);
+            let [first, second, last] = nested.rates_of_levels(step, &cloud)[..] else {
+                panic!("a rate for each level")
+            };
+            assert_eq!((first, last), (second, rate));
+            let faster = [first, last].map(|rates| rates.color / alone.rates.color);
+            assert!((faster[0] - (1.0 - tenth as f32 / 10.0)).abs() < 1e-6);
+            assert_eq!(faster[0] > faster[1], tenth < 9);
+        }
+    }
 
     #[test]
     fn coarser_levels_are_drawn_more_often() {

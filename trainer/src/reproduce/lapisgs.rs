@@ -49,8 +49,8 @@ pub struct Scale {
 }
 
 /// Steps of ours that take as long as one step of *single*: most of ours draw fewer Gaussians or smaller pictures. Of
-/// four meshes 1.8 to 2.2 do; the table gives each row's seconds.
-const STEPS_AS_LONG: f64 = 1.9;
+/// four meshes 1.75 or a few more do; the table gives each row's seconds.
+const STEPS_AS_LONG: f64 = 1.75;
 
 /// Trains and measures all methods. Each has all steps of `options`; of multiscale each of the four files; and ours
 /// once more in the time that *single* takes.
