@@ -77,7 +77,7 @@ impl Precision {
         clouds.iter().zip(&self.limits).map(of_cloud).collect()
     }
 
-    /// What a reader gets of clouds ([`level_as_stored`]).
+    /// What a reader gets of clouds, opacities within 10⁻⁴.
     ///
     /// # Errors
     ///
