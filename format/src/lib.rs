@@ -15,8 +15,9 @@
 //! 8. [`curves`] say how good a picture each count makes.
 //! 9. [`movement`] says how far joints and morph targets move the mesh.
 //! 10. [`samples`] say which triangles stand for the others when a plan asks what is covered.
-//! 11. [`avatar`] is the checked view of it all.
-//! 12. `source` and `writer` (feature `std`) encode what a trainer or converter has.
+//! 11. [`mesh_levels`] say which triangles are the surface's, and which those of coarser meshes.
+//! 12. [`avatar`] is the checked view of it all.
+//! 13. `source` and `writer` (feature `std`) encode what a trainer or converter has.
 #![cfg_attr(not(feature = "std"), no_std)]
 
 pub mod avatar;

@@ -221,9 +221,9 @@ pub struct CurvePointRecord {
 pub struct SampleRecord {
     /// Its index.
     pub triangle: U32,
-    /// Footprint of what it stands for to its own, in 0..=10⁶.
+    /// Footprint of what it stands for to its own, in 0..=[`crate::samples::MOST`].
     pub area: Bf16,
-    /// The same, weighted by blends, in 0..=10⁶.
+    /// The same, weighted by blends, in the same range.
     pub fill: Bf16,
 }
 

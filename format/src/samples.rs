@@ -3,8 +3,8 @@
 use crate::header::Header;
 use crate::record::{SampleRecord, plane};
 
-/// The greatest number of a sample: the last bf16 that is not above 10⁶.
-pub const MOST: f32 = 999_424.0;
+/// The greatest number of a sample.
+pub const MOST: f32 = crate::movement::MOST;
 
 /// A triangle that stands for a part of its region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,5 +1,6 @@
 //! The worked file of SPEC.md: what its bytes say, and that the encoder writes exactly them.
 
+use dermis_format::record::SampleRecord;
 use dermis_format::section::tag;
 use dermis_format::source::{Gaussians, Mathematics, Mesh, Region, Source};
 use dermis_format::writer::encode;
@@ -159,4 +160,23 @@ fn the_table_of_sections_is_complete() {
     for tag in [tag::VERTICES, tag::MORPH, tag::KEY_FRAMES, tag::BLOCK] {
         assert!(known.iter().any(|known| known.as_bytes() == tag));
     }
+}
+
+/// What SPEC.md says of the two samples whose bytes it shows.
+#[test]
+fn the_samples_of_the_text_are_those_of_its_bytes() {
+    let spec = include_str!("../SPEC.md");
+    let (_, text) = spec.split_once("**SAMP**").expect("it is there");
+    let (_, rest) = text.split_once("```text\n").expect("its bytes follow");
+    let (block, _) = rest.split_once("```").expect("they end");
+    let bytes: Vec<u8> = block
+        .split_whitespace()
+        .map(|word| u8::from_str_radix(word, 16).expect("a byte"))
+        .collect();
+    let records: Vec<SampleRecord> =
+        bytemuck::try_cast_slice(&bytes).expect("whole records").to_vec();
+    let numbers =
+        |record: &SampleRecord| (record.triangle.get(), record.area.get(), record.fill.get());
+    let found: Vec<_> = records.iter().map(numbers).collect();
+    assert_eq!(found, [(5, 40.0, 20.0), (300, 24.0, 36.0)]);
 }

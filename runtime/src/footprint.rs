@@ -6,7 +6,8 @@
 //! fₓ f_y A |n · v| / z³  px²
 //! ```
 //!
-//! which is exact where it is small beside its depth, and ends at the whole frame where it is not.
+//! which is exact where it is small beside its depth, and ends at the whole frame where it is not; a triangle that stands for
+//! others (section `SAMP`) counts as many times as the file says.
 
 use bytemuck::Zeroable;
 use dermis_format::header::MAX_REGIONS;
@@ -52,14 +53,15 @@ impl Posed<'_, '_> {
     /// What each region covers of a camera's picture. A region of which nothing can be seen, as it is out of the frame or
     /// looks away, covers nothing.
     ///
-    /// Of an avatar posed by [`Posed::new`]: one posed for a plan covers no more than what that plan stands on.
+    /// Of an avatar posed by [`Posed::new`] alone: of one that was posed for a plan most triangles may be missing.
     ///
-    /// Some triangles are looked at, which stand for the others: those that the file names, which training has chosen
-    /// so that areas come out within 10 % of the whole sum, of either sign. Where it names none, of a large
-    /// mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is within 10 % where sizes and
-    /// slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in the frame. Of a
-    /// region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too, where the
-    /// file names none or that finds nothing.
+    /// Some triangles are looked at, which stand for the others: those that the file names, which training has chosen. Of a
+    /// human seen from 42 directions in training areas come out within 7 % of the whole sum, of either sign, from 8 to 1 m; of a
+    /// figure of 3,000 triangles seen from 12 directions within 10 %, within 25 % where a part of it is out of the frame. Where
+    /// the file names none, of a large mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is
+    /// within 10 % where sizes and slopes change smoothly along the mesh, and 2.6 times too much where, of a human, little is in
+    /// the frame. Of a region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too,
+    /// where the file names none or that finds nothing.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);

@@ -1,9 +1,12 @@
 //! Plans of a trained avatar: from any distance no worse than a level, and nothing pops as it comes nearer.
 
-use dermis_runtime::{Avatar, Pose};
+use dermis_runtime::footprint::covered;
+use dermis_runtime::project::View;
+use dermis_runtime::{Avatar, Kernel, Pose, Posed};
 use dermis_tests::small::{options, trained_demo};
 use dermis_trainer::bench::approach::{self, Way};
 use dermis_trainer::eval::{EvalOptions, Row, evaluate};
+use dermis_trainer::orbit::Orbit;
 
 const BUDGETS: [u32; 4] = [100, 400, 1000, 2000];
 
@@ -13,27 +16,39 @@ fn a_plan_is_no_worse_than_the_finest_level_that_fits() {
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let (mut better, mut finer) = (0, 0);
     for distance in [1.5, 3.0, 8.0, 14.0] {
-        let measure = EvalOptions {
+        let measure = |background| EvalOptions {
             key_frames: 1,
             views: 4,
             size: 160,
-            background: [1.0; 3],
+            background,
             budgets: BUDGETS.to_vec(),
             prefixes: Vec::new(),
             packed: None,
             planned: true,
             distance: Some(distance),
         };
-        let measured = evaluate(&avatar, &model, &measure).expect("it can be measured");
-        let novel = || measured.rows.iter().filter(|row| row.split.name() == "novel view");
-        let levels: Vec<&Row> = novel().filter(|row| row.budget.is_none()).collect();
-        for row in novel().filter(|row| row.planned) {
+        // A plan foretells the mean over both, as it does not know what is behind.
+        let rows = [[1.0; 3], [0.0; 3]].map(|background| {
+            let measured = evaluate(&avatar, &model, &measure(background));
+            measured.expect("it can be measured").rows
+        });
+        let [on_white, on_black] = rows;
+        let both = || on_white.iter().zip(&on_black);
+        let novel = || both().filter(|(row, _)| row.split.name() == "novel view");
+        let error = |(white, black): (&Row, &Row)| {
+            let squares = [white, black].map(|row| 10f64.powf(-row.psnr_foreground_db / 10.0));
+            squares.iter().sum::<f64>()
+        };
+        let levels: Vec<_> = novel().filter(|(row, _)| row.budget.is_none()).collect();
+        for (row, on_black) in novel().filter(|(row, _)| row.planned) {
             let budget = row.budget.expect("a plan has one");
             assert!(row.gaussians <= budget, "{row:?}");
-            let Some(level) = levels.iter().rev().find(|level| level.gaussians <= budget) else {
+            let Some(&(level, level_on_black)) =
+                levels.iter().rev().find(|(level, _)| level.gaussians <= budget)
+            else {
                 continue;
             };
-            let gain = row.psnr_foreground_db - level.psnr_foreground_db;
+            let gain = 10.0 * (error((level, level_on_black)) / error((row, on_black))).log10();
             println!(
                 "{distance} m, {budget}: {gain:+.2} dB, {} for {}",
                 row.gaussians, level.gaussians
@@ -49,7 +64,8 @@ fn a_plan_is_no_worse_than_the_finest_level_that_fits() {
 
 #[test]
 fn nothing_pops_as_an_avatar_comes_nearer() {
-    let (_, trained) = trained_demo(&options(2000, 200));
+    // So long that from afar fewer are better.
+    let (_, trained) = trained_demo(&options(2000, 600));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let ways = [1000, 2000].map(Way::of_budget);
     let approaches = approach::measure(&avatar, &Pose::Rest, [120, 120], &ways, [16.0, 1.5], 60);
@@ -82,4 +98,30 @@ fn a_budget_that_rises_at_once_pops_less_where_counts_rise_slowly() {
     // 150 · 1.1ⁿ ≥ 2,000 at n = 28; the picture of the step is the first one.
     assert!((25..=30).contains(&slowly.pictures_to_rise()), "{}", slowly.pictures_to_rise());
     assert!(slowly.greatest_change_to_all() < 0.7 * at_once.greatest_change_to_all());
+}
+
+/// The samples of a file against all of its triangles, from around, near and far.
+#[test]
+fn samples_stand_for_all_triangles() {
+    let (_, trained) = trained_demo(&options(2000, 60));
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    assert!(avatar.samples().expect("training chooses them").iter().count() >= 32);
+    let pose = Pose::Clip { clip: 0, seconds: 0.4 };
+    let mut scratch = vec![0; Posed::scratch_len(&avatar)];
+    let posed = Posed::new(&avatar, &pose, Kernel::detect(), &mut scratch).expect("it fits");
+    for (yaw, distance) in (0..8).flat_map(|i| [1.5f32, 6.0].map(|d| (45.0 * i as f32, d))) {
+        let orbit = Orbit { yaw, pitch: 10.0, distance: Some(distance) };
+        let camera = orbit.camera(&avatar, &pose, 240, 240).expect("it can be seen");
+        let view = View::<f32>::new(&camera);
+        let of = |triangle: u32| {
+            let area = covered(&posed.frame(triangle)?, avatar.header().frame, &view).area;
+            (area > 0.0 || avatar.is_two_sided(triangle as usize)).then_some(area.abs())
+        };
+        let all: f32 = (0..avatar.mesh_levels().surface()).filter_map(of).sum();
+        let found = posed.footprints(&camera)[0];
+        println!("{yaw}°, {distance} m: {:.3}, fill {:.3}", found.area / all, found.fill / all);
+        // Near, where a part is out of the frame, each sample that is in it weighs more.
+        let within = if distance < 2.0 { 0.25 } else { 0.1 };
+        assert!((found.area / all - 1.0).abs() < within, "{found:?} of {all}");
+    }
 }

@@ -3,6 +3,8 @@
 use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
 use dermis_tests::small::{options, trained_demo};
 use dermis_trainer::describe::Info;
+use dermis_trainer::embed::choice::Choice;
+use dermis_trainer::embed::regions::Region;
 use dermis_trainer::eval::{EvalOptions, evaluate};
 use dermis_trainer::options::Options;
 
@@ -52,4 +54,59 @@ fn a_level_on_its_coarse_mesh_is_as_good_as_on_the_surface() {
     let [(fine, many), (coarse, few)] = figures[..] else { panic!("two trainings") };
     assert!(coarse > fine - 0.3, "{coarse} dB on its coarse mesh, {fine} on the surface");
     assert!(3 * few < many, "{few} vertices on the coarse mesh, {many} on the surface");
+}
+
+/// Frames of coarse triangles are large: at later levels positions on them have all bits, and the writer and training agree.
+#[test]
+fn positions_on_coarse_triangles_are_as_exact_as_training_drew_them() {
+    let options = Options { mesh_levels: 2, max_loss_db: 0.5, ..options(1600, 200) };
+    let (_, trained) = trained_demo(&options);
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    let [stored] = &trained.precision.stored(&trained.clouds).expect("it can be written")[..]
+    else {
+        panic!("one region")
+    };
+    let (mut whole, mut fewer) = (0, 0);
+    for level in avatar.levels() {
+        let widths = level.discs.layout().widths();
+        let first_layer = level.first < avatar.layer_len(0, 0);
+        if first_layer {
+            assert_eq!(widths.position, [8; 3]);
+            whole += 1;
+        } else {
+            fewer += usize::from(widths.position != [8; 3]);
+        }
+        for index in 0..level.count {
+            let disc = level.discs.get(index as usize).expect("it is there");
+            let drawn = &stored.levels[usize::from(level.level)][(level.first + index) as usize];
+            assert_eq!(disc.position, drawn.position);
+        }
+    }
+    assert!(whole > 0 && fewer > 0, "{whole} {fewer}");
+}
+
+/// Gaussians of a region stand on its own triangles, of whatever mesh.
+#[test]
+fn regions_keep_their_gaussians() {
+    let choice = Choice { joints: vec!["head".into()], ..Choice::default() };
+    let head = Region { name: "head".into(), choice, weight: None };
+    let options = Options { mesh_levels: 2, regions: vec![head], ..options(1600, 60) };
+    let (_, trained) = trained_demo(&options);
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    assert_eq!(avatar.mesh_levels().count(), 2);
+    for block in avatar.blocks() {
+        for triangle in block.triangles.iter() {
+            assert_eq!(avatar.triangle_region(triangle as usize), block.region);
+        }
+    }
+}
+
+/// More Gaussians than triangles: there is no coarser mesh.
+#[test]
+fn a_small_mesh_is_its_own() {
+    let options = Options { mesh_levels: 3, levels: 3, ..options(200_000, 2) };
+    let (model, trained) = trained_demo(&options);
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    assert_eq!(avatar.mesh_levels().count(), 1);
+    assert_eq!(avatar.header().triangles as usize, model.triangles.len());
 }

@@ -140,12 +140,15 @@ impl Options {
         }
     }
 
-    /// Gaussians that stand on each coarser mesh or coarser ones still, from fine to coarse.
+    /// Gaussians up to each layer that stands on a coarser mesh, from fine to coarse.
     pub fn coarser_counts(&self) -> Vec<u32> {
-        let coarser =
-            (self.mesh_levels.saturating_sub(1)).min(self.levels.saturating_sub(1)) as usize;
+        if self.method != Method::Dermis {
+            return Vec::new();
+        }
         let layers = self.layers(self.gaussians);
-        (1..=coarser).rev().map(|layers_on_it| layers[..layers_on_it].iter().sum()).collect()
+        let coarser = self.mesh_levels.min(self.levels).saturating_sub(1) as usize;
+        let up_to = (1..=coarser).rev().map(|layer| layers[..layer].iter().sum());
+        up_to.filter(|&count| count > 0).collect()
     }
 
     /// Gaussians of each layer of a nested order of `count`: each layer but the first holds three

@@ -1,6 +1,6 @@
 //! Vertices, triangles, skin and morph targets to bytes.
 
-use crate::header::Header;
+use crate::header::{Header, MAX_LAYERS};
 use crate::quant::Linear;
 use crate::record::{MorphRecord, Range, U32, VertexRecord};
 use crate::section::tag;
@@ -41,6 +41,17 @@ pub(super) fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
         if !((sum - 1.0).abs() <= WEIGHT_SUM_TOLERANCE) {
             return refuse(format!("a vertex's skin weights add up to {sum}, not to 1"));
         }
+    }
+    let coarser: u64 = mesh.coarser.iter().map(|&triangles| u64::from(triangles)).sum();
+    let leaves_some = mesh.coarser.is_empty() || coarser < mesh.triangles.len() as u64;
+    if mesh.coarser.len() >= MAX_LAYERS || mesh.coarser.contains(&0) || !leaves_some {
+        let meshes = &mesh.coarser;
+        return refuse(format!(
+            "coarser meshes of {meshes:?} triangles: leave some to the surface"
+        ));
+    }
+    if mesh.morph_targets.iter().any(|morph| !(0.0..=1e6).contains(&morph.step)) {
+        return refuse("a morph target's step is not in 0 to 1e6 metres");
     }
     if !mesh.two_sided.is_empty() && mesh.two_sided.len() != mesh.triangles.len() {
         return refuse("triangles and their two-sided bits differ in number");

@@ -168,7 +168,7 @@ proptest! {
         }
     }
 
-    /// No other sharing out of a few Gaussians, by levels, is better.
+    /// A count stays where it would rise by little, and never is above its plan's.
     #[test]
     fn counts_that_tremble_are_held_and_never_over_their_plan(
         file in any_avatar(),
@@ -194,6 +194,7 @@ proptest! {
         }
     }
 
+    /// No other sharing out of a few Gaussians, by levels, is better.
     #[test]
     fn no_plan_of_whole_levels_is_better(
         files in prop::collection::vec(any_avatar(), 2),

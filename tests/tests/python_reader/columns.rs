@@ -58,6 +58,8 @@ fn add_mesh(avatar: &Avatar<'_>, columns: &mut Columns) {
     let (vertices, triangles) = (0..header.vertices as usize, 0..header.triangles as usize);
     let regions = 0..usize::from(header.regions);
     let mut add = |tag: &str, words: Vec<u32>| columns.insert(tag.into(), words);
+    let coarser = avatar.mesh_levels().ranges().skip(1).map(|mesh| mesh.len() as u32);
+    add("MLEV", coarser.collect());
     add("VERT", bits(vertices.clone().flat_map(|i| avatar.vertex_position(i))).collect());
     add("TRIS", triangles.clone().flat_map(|i| avatar.triangle(i)).collect());
     if header.binds > 0 {
@@ -99,11 +101,6 @@ fn add_samples(avatar: &Avatar<'_>, columns: &mut Columns) {
 
 fn add_rig(avatar: &Avatar<'_>, columns: &mut Columns) {
     let mut add = |place: String, words: Vec<u32>| columns.insert(place, words);
-    let coarser = avatar.mesh_levels().ranges().skip(1).map(|triangles| triangles.len() as u32);
-    let coarser: Vec<u32> = coarser.collect();
-    if !coarser.is_empty() {
-        add("MLEV".into(), coarser);
-    }
     if let Some(movements) = avatar.movements() {
         let joints = (0..).map_while(|joint| movements.of_joint(joint));
         let targets = (0..).map_while(|target| movements.of_target(target));

@@ -118,6 +118,9 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         mesh_levels: arguments.mesh_levels,
         ..preset
     };
+    if options.mesh_levels > 1 && arguments.paper != Paper::FaceLod {
+        super::misuse("--mesh-levels: is of face-lod alone; leave it out");
+    }
     let measure = Measure { key_frames: options.key_frames, views: options.views };
     let named = || mesh.display().to_string();
     match arguments.paper {

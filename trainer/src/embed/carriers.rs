@@ -1,7 +1,5 @@
 //! Gaussians of the first layers, put on the triangles of a coarser mesh.
 
-use core::ops::Range;
-
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -22,7 +20,11 @@ pub struct Carriers<'c> {
 
 impl<'c> Carriers<'c> {
     /// Triangles of `surface`, the rest pose of all meshes, which stands in `stages` in the training poses.
-    pub fn new(surface: &'c Surface, stages: &'c [Stage], triangles: Range<u32>) -> Self {
+    pub fn new(
+        surface: &'c Surface,
+        stages: &'c [Stage],
+        triangles: impl Iterator<Item = u32>,
+    ) -> Self {
         let places = triangles.filter(|&triangle| surface.area(triangle) > 0.0).map(|triangle| {
             (triangle, surface.corners(triangle).map(|corner| corner.as_dvec3().to_array()))
         });

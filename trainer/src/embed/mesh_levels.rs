@@ -1,8 +1,8 @@
 //! Coarser meshes of the same vertices, for the first Gaussians to stand on (face-lod, 4.2).
 //!
-//! Where the paper weighs a vertex by its region, its distance, normal deviation and curvature, each region here has as many triangles as
-//! its Gaussians ask for, and edges collapse by quadrics of position, normal, and place in the training poses: joints that
-//! bend stay, and no vertex is new.
+//! Where the paper weighs a vertex by its region, its distance, normal deviation and curvature, each region here has as
+//! many triangles as its Gaussians ask for, and edges collapse by quadrics of position, normal, and place in the training
+//! poses: joints that bend stay, and no vertex is new.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use meshopt::{SimplifyOptions, simplify_with_attributes_and_locks_decoder};
 use super::regions::Regions;
 use crate::model::Model;
 use crate::nearest::Nearest;
-use crate::scene::{KeyFrame, Pose, posed_vertices};
+use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
 /// Triangles of a coarser mesh for each Gaussian that is to stand on it.
 const TRIANGLES_PER_GAUSSIAN: f64 = 0.5;
@@ -26,7 +26,7 @@ const POSES: usize = 8;
 pub struct CoarserMesh {
     /// Vertices of the model.
     pub triangles: Vec<[u32; 3]>,
-    /// Triangle of the model that lies nearest to the middle of each.
+    /// Triangle of the model that lies nearest to the middle of each, in its own region.
     pub originals: Vec<u32>,
 }
 
@@ -42,23 +42,32 @@ pub fn coarser(
         return Vec::new();
     }
     let shapes = Shapes::new(model, key_frames);
-    let meshes = counts.iter().map(|&count| shapes.simplified(model, regions, count));
+    let borders = shapes.borders(regions);
+    let parts: Vec<Part<'_>> =
+        (0..regions.len()).map(|region| Part::new(&shapes, regions, region)).collect();
+    let area: f64 = parts.iter().map(|part| part.area).sum();
+    let mesh = |&count: &u32| {
+        let wanted = f64::from(count) * TRIANGLES_PER_GAUSSIAN / area.max(f64::MIN_POSITIVE);
+        let mut mesh = CoarserMesh::default();
+        parts.iter().for_each(|part| part.add(&mut mesh, &borders, wanted));
+        mesh
+    };
     let pays = |mesh: &CoarserMesh| {
         !mesh.triangles.is_empty() && 2 * mesh.triangles.len() <= model.triangles.len()
     };
-    meshes.filter(pays).collect()
+    counts.iter().map(mesh).filter(pays).collect()
 }
 
 /// The mesh as edges are weighed: vertices that are one in all poses are one.
 struct Shapes {
-    /// Lowest index of the vertices that are one with each.
-    firsts: Vec<u32>,
+    /// Of each triangle.
+    corners: Vec<[u32; 3]>,
     /// At rest, metres.
     rest: Vec<Vec3>,
-    /// Normal and places in the other poses of each vertex, `stride` numbers.
-    attributes: Vec<f32>,
-    /// Of each of those numbers.
-    weights: Vec<f32>,
+    /// Unit normals at rest.
+    normals: Vec<Vec3>,
+    /// In each other pose, metres.
+    posed: Vec<Vec<Vec3>>,
 }
 
 impl Shapes {
@@ -68,68 +77,24 @@ impl Shapes {
         let rest = posed_vertices(model, &Pose::rest(model));
         let posed: Vec<Vec<Vec3>> = poses.map(|pose| posed_vertices(model, &pose)).collect();
         let firsts = firsts(&rest, &posed);
-        let normals = normals(model, &firsts, &rest);
-        let mut attributes = Vec::new();
-        for vertex in 0..rest.len() {
-            attributes.extend(normals[firsts[vertex] as usize].to_array());
-            posed.iter().for_each(|pose| attributes.extend(pose[vertex].to_array()));
-        }
-        // The library brings positions to size 1, but not these.
-        let (low, high) =
-            rest.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| {
-                (low.min(*p), high.max(*p))
-            });
-        let size = (high - low).max_element().max(f32::MIN_POSITIVE);
-        let of_pose = 1.0 / (size * libm::sqrtf(posed.len().max(1) as f32));
-        let mut weights = vec![NORMAL_WEIGHT; 3];
-        weights.resize(3 + 3 * posed.len(), of_pose);
-        Self { firsts, rest, attributes, weights }
+        let triangles = model.triangles.iter();
+        let corners: Vec<[u32; 3]> = triangles
+            .map(|triangle| triangle.corners.map(|corner| firsts[corner as usize]))
+            .collect();
+        let normals = normals(&corners, &rest);
+        Self { corners, rest, normals, posed }
     }
 
-    /// A mesh for so many Gaussians.
-    fn simplified(&self, model: &Model, regions: &Regions, gaussians: u32) -> CoarserMesh {
-        let triangles = f64::from(gaussians) * TRIANGLES_PER_GAUSSIAN;
-        let corners: Vec<[u32; 3]> = (model.triangles.iter())
-            .map(|triangle| triangle.corners.map(|corner| self.firsts[corner as usize]))
-            .collect();
-        let borders = self.borders(regions, &corners);
-        let mut mesh = CoarserMesh::default();
-        for (region, share) in self.shares(regions, &corners).into_iter().enumerate() {
-            let own: Vec<u32> = (0..)
-                .zip(&regions.of_triangles)
-                .filter(|&(_, &of)| usize::from(of) == region)
-                .map(|(triangle, _)| triangle)
-                .collect();
-            let indices: Vec<u32> =
-                own.iter().flat_map(|&triangle| corners[triangle as usize]).collect();
-            let wanted = 3 * (triangles * share).ceil() as usize;
-            let left = self.collapsed(&indices, &borders, wanted);
-            let middle = |corners: [u32; 3]| {
-                corners.map(|corner| self.rest[corner as usize]).into_iter().sum::<Vec3>() / 3.0
-            };
-            let place = |&triangle: &u32| {
-                let at = corners[triangle as usize].map(|corner| self.rest[corner as usize]);
-                let [a, b, c] = at;
-                let has_area = (b - a).cross(c - a).length_squared() > 0.0;
-                has_area.then(|| (triangle, at.map(|corner| corner.as_dvec3().to_array())))
-            };
-            let nearest = Nearest::of(own.iter().filter_map(place));
-            for &[a, b, c] in left.as_chunks().0 {
-                let middle = middle([a, b, c]).as_dvec3().to_array();
-                if let Some(original) = nearest.triangle(middle) {
-                    mesh.triangles.push([a, b, c]);
-                    mesh.originals.push(original);
-                }
-            }
-        }
-        mesh
+    /// Corners of a triangle at rest.
+    fn at_rest(&self, corners: [u32; 3]) -> [Vec3; 3] {
+        corners.map(|corner| self.rest[corner as usize])
     }
 
     /// Whether triangles of several regions meet at each vertex.
-    fn borders(&self, regions: &Regions, corners: &[[u32; 3]]) -> Vec<bool> {
+    fn borders(&self, regions: &Regions) -> Vec<bool> {
         let mut first = vec![None; self.rest.len()];
         let mut borders = vec![false; self.rest.len()];
-        for (corners, &region) in corners.iter().zip(&regions.of_triangles) {
+        for (corners, &region) in self.corners.iter().zip(&regions.of_triangles) {
             for &corner in corners {
                 let of = *first[corner as usize].get_or_insert(region);
                 borders[corner as usize] |= of != region;
@@ -138,33 +103,83 @@ impl Shapes {
         borders
     }
 
-    /// Of all Gaussians those of each region, by its area and the weight that it was given.
-    fn shares(&self, regions: &Regions, corners: &[[u32; 3]]) -> Vec<f64> {
-        let mut sums = vec![0.0; regions.len()];
-        for (corners, &region) in corners.iter().zip(&regions.of_triangles) {
-            let [a, b, c] = corners.map(|corner| self.rest[corner as usize]);
-            let weight = regions.weights[usize::from(region)].unwrap_or(1.0);
-            sums[usize::from(region)] += f64::from(weight * (b - a).cross(c - a).length());
-        }
-        let all = sums.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        sums.iter().map(|sum| sum / all).collect()
-    }
-
     /// Corners of what is left of triangles where edges collapse until they are so few, those first that cost least.
-    fn collapsed(&self, indices: &[u32], locked: &[bool], wanted: usize) -> Vec<u32> {
+    fn collapsed(&self, indices: &[u32], locked: &[bool], triangles: usize) -> Vec<u32> {
+        let wanted = 3 * triangles;
+        if wanted >= indices.len() {
+            return indices.to_vec();
+        }
+        let mut attributes = Vec::new();
+        for vertex in 0..self.rest.len() {
+            attributes.extend(self.normals[vertex].to_array());
+            self.posed.iter().for_each(|pose| attributes.extend(pose[vertex].to_array()));
+        }
+        // The library brings the positions of these triangles to size 1, but not these numbers.
+        let places: Vec<Vec3> = indices.iter().map(|&corner| self.rest[corner as usize]).collect();
+        let Bounds { min, max } = Bounds::of(&places);
+        let size = (max - min).max_element().max(f32::MIN_POSITIVE);
+        let of_pose = 1.0 / (size * libm::sqrtf(self.posed.len().max(1) as f32));
+        let mut weights = vec![NORMAL_WEIGHT; 3];
+        weights.resize(3 + 3 * self.posed.len(), of_pose);
         let places: Vec<[f32; 3]> = self.rest.iter().map(|place| place.to_array()).collect();
         simplify_with_attributes_and_locks_decoder(
             indices,
             &places,
-            &self.attributes,
-            &self.weights,
-            size_of_val(&self.weights[..]),
+            &attributes,
+            &weights,
+            size_of_val(&weights[..]),
             locked,
             wanted,
             f32::MAX,
             SimplifyOptions::Sparse | SimplifyOptions::Prune,
             None,
         )
+    }
+}
+
+/// A region of the mesh.
+struct Part<'s> {
+    shapes: &'s Shapes,
+    /// Corners of its triangles.
+    indices: Vec<u32>,
+    /// Those of the model's triangles that are its own and have an area.
+    nearest: Nearest,
+    /// At rest, times the weight that it was given, m².
+    area: f64,
+}
+
+impl<'s> Part<'s> {
+    fn new(shapes: &'s Shapes, regions: &Regions, region: usize) -> Self {
+        let all = (0..).zip(&shapes.corners).zip(&regions.of_triangles);
+        let own = all.filter(|(_, of)| usize::from(**of) == region).map(|(triangle, _)| triangle);
+        let own: Vec<(u32, [u32; 3])> = own.map(|(index, corners)| (index, *corners)).collect();
+        let size = |corners: [u32; 3]| {
+            let [a, b, c] = shapes.at_rest(corners);
+            f64::from(0.5 * (b - a).cross(c - a).length())
+        };
+        let place = |&(index, corners): &(u32, [u32; 3])| {
+            let at = shapes.at_rest(corners).map(|corner| corner.as_dvec3().to_array());
+            (size(corners) > 0.0).then_some((index, at))
+        };
+        let weight = f64::from(regions.weights[region].unwrap_or(1.0));
+        Self {
+            shapes,
+            indices: own.iter().flat_map(|(_, corners)| *corners).collect(),
+            nearest: Nearest::of(own.iter().filter_map(place)),
+            area: weight * own.iter().map(|&(_, corners)| size(corners)).sum::<f64>(),
+        }
+    }
+
+    /// Adds it to a mesh of so many triangles for each of its square metres.
+    fn add(&self, mesh: &mut CoarserMesh, borders: &[bool], per_area: f64) {
+        let wanted = (per_area * self.area).ceil() as usize;
+        for &corners in self.shapes.collapsed(&self.indices, borders, wanted).as_chunks().0 {
+            let middle = self.shapes.at_rest(corners).into_iter().sum::<Vec3>() / 3.0;
+            if let Some(original) = self.nearest.triangle(middle.as_dvec3().to_array()) {
+                mesh.triangles.push(corners);
+                mesh.originals.push(original);
+            }
+        }
     }
 }
 
@@ -179,11 +194,11 @@ fn firsts(rest: &[Vec3], posed: &[Vec<Vec3>]) -> Vec<u32> {
     (0..rest.len()).map(|vertex| *known.entry(key(vertex)).or_insert(vertex as u32)).collect()
 }
 
-/// Unit normals of the first vertices at rest, by the area of the triangles around.
-fn normals(model: &Model, firsts: &[u32], rest: &[Vec3]) -> Vec<Vec3> {
+/// Unit normals of vertices, by the area of the triangles around.
+fn normals(corners: &[[u32; 3]], rest: &[Vec3]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; rest.len()];
-    for triangle in &model.triangles {
-        let corners = triangle.corners.map(|corner| firsts[corner as usize] as usize);
+    for corners in corners {
+        let corners = corners.map(|corner| corner as usize);
         let [a, b, c] = corners.map(|corner| rest[corner]);
         let normal = (b - a).cross(c - a);
         corners.into_iter().for_each(|corner| sums[corner] += normal);
@@ -231,11 +246,7 @@ mod tests {
                 let own = own.filter(|(_, of)| regions.of_triangles[**of as usize] == region);
                 own.flat_map(|(corners, _)| *corners).collect()
             };
-            let shapes = Shapes::new(&model, &frames);
-            let corners: Vec<[u32; 3]> = (model.triangles.iter())
-                .map(|triangle| triangle.corners.map(|corner| shapes.firsts[corner as usize]))
-                .collect();
-            let borders = shapes.borders(&regions, &corners);
+            let borders = Shapes::new(&model, &frames).borders(&regions);
             for vertex in (0..).zip(&borders).filter(|(_, border)| **border).map(|(v, _)| v) {
                 assert!(of_region(0).contains(&vertex) && of_region(1).contains(&vertex));
             }

@@ -11,16 +11,16 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Vec<Cloud>> {
     let options = shop.options;
     let layers = options.layers(options.gaussians);
     let seeds = shop.place(&layers, |_| options.gaussians)?;
-    let region = |mut seeds: Vec<Seed>| {
+    let region = |(region, mut seeds): (usize, Vec<Seed>)| {
         let layers = options.layers(seeds.len() as u32);
-        shop.carry(&layers, &mut seeds);
+        shop.carry(region, &layers, &mut seeds);
         let mut cloud = Cloud::arrange(layers, &seeds);
-        cloud.coarser = shop.coarser();
+        cloud.coarser_layers = shop.coarser_layers();
         if options.per_level {
             cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
         }
         cloud
     };
-    let clouds = shop.parts.regions.split(&seeds).into_iter().map(region).collect();
+    let clouds = shop.parts.regions.split(&seeds).into_iter().enumerate().map(region).collect();
     shop.descend(clouds, &options.schedule(Prefixes::Nested(options.nested)))
 }

@@ -103,12 +103,12 @@ fn look(clouds: &[Cloud], problem: &Problem<'_>, kind: FrameKind, regions: &Regi
             for ((cloud, drawn), all) in clouds.iter().zip(&forward.regions).zip(&mut of_regions) {
                 let splats = &forward.splats[drawn.clone()];
                 for (&source, splat) in forward.sources[drawn.clone()].iter().zip(splats) {
+                    let predicted = f64::from(price::blends(splat));
+                    *all += predicted;
                     // What stands on a coarser mesh blends about where the others do.
                     let triangle = cloud.triangles[source as usize] as usize;
                     if let Some(blends) = blends.get_mut(triangle) {
-                        let predicted = f64::from(price::blends(splat));
                         *blends += predicted;
-                        *all += predicted;
                     }
                 }
             }
@@ -132,7 +132,7 @@ fn places(problem: &Problem<'_>, kind: FrameKind) -> Vec<Place> {
         let in_pose = |&(stage, extent): &(&Stage, f32)| {
             let Some(frame) = &stage.frames[triangle] else { return [0.0; 6] };
             let normal = frame.normal(kind);
-            let length = normal.iter().map(|x| x * x).sum::<f32>().sqrt();
+            let length = normal.iter().map(|x| x * x).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
             let [u, v, w] = normal.map(|x| TURNED * extent * x / length);
             let [x, y, z] = frame.origin;
             [x, y, z, u, v, w]

@@ -46,8 +46,8 @@ pub struct Workshop<'a> {
     pub(super) surface: Surface,
     /// With the triangles of all coarser meshes.
     with_coarser: Surface,
-    /// Triangles of all meshes, the surface's first.
-    meshes: Vec<Range<u32>>,
+    /// Triangles of each coarser mesh, from fine to coarse, and of each region.
+    coarser: Vec<Vec<Vec<u32>>>,
     /// Wanted density of Gaussians on each triangle, relative to the others.
     pub(super) weights: Vec<f32>,
     pub(super) parts: Parts,
@@ -82,8 +82,15 @@ impl<'a> Workshop<'a> {
         let mut scratch = vec![0; Posed::scratch_len(&avatar)];
         let rest = Posed::new(&avatar, &Pose::Rest, Kernel::detect(), &mut scratch)?;
         let mut corners = source.mesh.triangles.clone();
-        let all = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
-        let meshes: Vec<Range<u32>> = avatar.mesh_levels().ranges().collect();
+        let with_coarser = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
+        let of_regions = |mesh: Range<u32>| -> Vec<Vec<u32>> {
+            let own = |region: usize| {
+                let is_own = |&t: &u32| usize::from(avatar.triangle_region(t as usize)) == region;
+                mesh.clone().filter(is_own).collect()
+            };
+            (0..parts.regions.len()).map(own).collect()
+        };
+        let coarser = avatar.mesh_levels().ranges().skip(1).map(of_regions).collect();
         corners.truncate(avatar.mesh_levels().surface() as usize);
         let surface = Surface::new(source.mathematics.frame, rest.vertices(), &corners);
         let is_seen = |count: &SideCount| count.front + count.back > 0;
@@ -98,8 +105,8 @@ impl<'a> Workshop<'a> {
             options,
             corners,
             surface,
-            with_coarser: all,
-            meshes,
+            with_coarser,
+            coarser,
             weights,
             parts,
             residuals: Vec::new(),
@@ -178,18 +185,19 @@ impl<'a> Workshop<'a> {
         self.spread_out(layers, spread_over)
     }
 
-    /// How many meshes are coarser than the surface.
-    pub(super) fn coarser(&self) -> usize {
-        self.meshes.len() - 1
+    /// How many layers stand on coarser meshes.
+    pub(super) fn coarser_layers(&self) -> usize {
+        self.coarser.len()
     }
 
-    /// Puts the Gaussians of the first of these layers on coarser meshes.
-    pub(super) fn carry(&self, layers: &[u32], seeds: &mut [Seed]) {
-        let coarsest_first = self.meshes.iter().skip(1).rev();
+    /// Puts the Gaussians of the first of a region's layers on its parts of coarser meshes.
+    pub(super) fn carry(&self, region: usize, layers: &[u32], seeds: &mut [Seed]) {
+        let coarsest_first = self.coarser.iter().rev();
         let mut rest = seeds;
-        for (&len, triangles) in layers.iter().zip(coarsest_first) {
+        for (&len, of_regions) in layers.iter().filter(|&&len| len > 0).zip(coarsest_first) {
             let (layer, later) = rest.split_at_mut((len as usize).min(rest.len()));
-            Carriers::new(&self.with_coarser, &self.stages, triangles.clone()).carry(layer);
+            let own = of_regions[region].iter().copied();
+            Carriers::new(&self.with_coarser, &self.stages, own).carry(layer);
             rest = later;
         }
     }

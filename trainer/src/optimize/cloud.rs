@@ -108,7 +108,7 @@ pub struct Cloud {
     /// Gaussians of each layer.
     pub layers: Vec<u32>,
     /// How many of these, the first ones, stand on coarser meshes.
-    pub coarser: usize,
+    pub coarser_layers: usize,
     /// Triangle of each Gaussian.
     pub triangles: Vec<u32>,
     /// What training may move of each.

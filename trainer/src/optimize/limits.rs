@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use super::adam::Moments;
 use super::cloud::{Cloud, Parameters};
+use super::rounding::{blocks, widths_of};
 
 /// Ranges of a group: x, y, ∛z; both scales; Y, Co, Cg; opacity.
 const RANGES: usize = 8;
@@ -38,16 +39,18 @@ const MOVES: [[usize; 2]; 7] = [[1, 0], [0, 1], [1, 1], [2, 0], [0, 2], [4, 0], 
 pub struct Limits(Vec<[[f32; 2]; RANGES]>);
 
 impl Limits {
-    /// Of a level of `cloud`, whose numbers have `widths` bits and whose gradients have had `moments`. It costs a sort of
+    /// Of a level of `cloud`, numbers of the file's levels having `widths` bits, and whose gradients have had `moments`. It costs a sort of
     /// all numbers.
     pub fn choose(
         cloud: &Cloud,
         level: &[Parameters],
         moments: &[Moments],
-        widths: DiscWidths,
+        widths: &[DiscWidths],
     ) -> Self {
         let groups: Vec<_> = groups(cloud, level.len()).collect();
-        let limits = |places: Range<usize>| {
+        let widths = widths_of(cloud, level.len(), widths);
+        let limits = |(layer, places): (u8, Range<usize>)| {
+            let widths = widths(layer);
             let (discs, moments) = (&level[places.clone()], &moments[places]);
             let numbers: Vec<Numbers> = discs.iter().map(Numbers::of).collect();
             let worths = worths(discs, moments);
@@ -66,22 +69,19 @@ impl Limits {
 
     /// Moves what lies beyond the ends to them.
     pub fn keep(&self, cloud: &Cloud, level: &mut [Parameters]) {
-        for (places, limits) in groups(cloud, level.len()).zip(&self.0) {
+        for ((_, places), limits) in groups(cloud, level.len()).zip(&self.0) {
             level[places].iter_mut().for_each(|parameters| Numbers::keep(parameters, limits));
         }
     }
 }
 
-/// Places of each group of a level of so many.
-pub(super) fn groups(cloud: &Cloud, len: usize) -> impl Iterator<Item = Range<usize>> {
-    let blocks = order::blocks(&cloud.layers).map(|(_, first, count)| {
-        let first = first as usize;
-        first..first + count as usize
-    });
-    // A level ends with a layer, and so with a block.
-    blocks.take_while(move |block| block.start < len).flat_map(|block| {
+/// Layer and places of each group of a level of so many.
+fn groups(cloud: &Cloud, len: usize) -> impl Iterator<Item = (u8, Range<usize>)> {
+    blocks(cloud, len).flat_map(|(layer, first, count)| {
+        let block = first as usize..(first + count) as usize;
         let end = block.end;
-        block.step_by(order::GROUP_LEN).map(move |start| start..end.min(start + order::GROUP_LEN))
+        let starts = block.step_by(order::GROUP_LEN);
+        starts.map(move |start| (layer, start..end.min(start + order::GROUP_LEN)))
     })
 }
 

@@ -53,13 +53,8 @@ impl Precision {
     ) -> Result<Self> {
         let widths = widths(clouds, moments, problem, max_loss_db)?;
         let of_cloud = |(cloud, moments): (&Cloud, &&[Vec<Moments>])| {
-            let ends = layers_that_end_levels(cloud);
-            let levels = cloud.levels.iter().zip(*moments).zip(ends);
-            let limits = levels.map(|((level, moments), layer)| {
-                let widths = widths.get(layer).copied().unwrap_or_default();
-                Limits::choose(cloud, level, moments, widths)
-            });
-            limits.collect()
+            let levels = cloud.levels.iter().zip(*moments);
+            levels.map(|(level, moments)| Limits::choose(cloud, level, moments, &widths)).collect()
         };
         let limits = clouds.iter().zip(moments).map(of_cloud).collect();
         Ok(Self { widths, limits })
@@ -115,15 +110,6 @@ impl Precision {
         }
         Ok(all)
     }
-}
-
-/// The layer with which each level ends: the last one, if there is one level of all.
-fn layers_that_end_levels(cloud: &Cloud) -> Vec<usize> {
-    let layers = (0..cloud.layers.len()).filter(|&layer| cloud.layers[layer] > 0);
-    let mut layers: Vec<usize> = layers.collect();
-    let extra = layers.len().saturating_sub(cloud.levels.len());
-    layers.drain(..extra);
-    layers
 }
 
 fn widths(
@@ -207,8 +193,9 @@ impl Level<'_> {
         widths: DiscWidths,
     ) -> Result<Vec<Parameters>> {
         let mut level = level.to_vec();
-        Limits::choose(cloud, &level, moments, widths).keep(cloud, &mut level);
-        level_as_stored(cloud, &level, &vec![widths; self.layers])
+        let widths = vec![widths; self.layers];
+        Limits::choose(cloud, &level, moments, &widths).keep(cloud, &mut level);
+        level_as_stored(cloud, &level, &widths)
     }
 
     fn views(&self) -> impl Iterator<Item = &TrainingView> {

@@ -41,7 +41,7 @@ pub struct Level {
     pub height_px: f32,
     /// Of the plan.
     pub gaussians: u32,
-    /// Triangles that are posed.
+    /// Triangles that are posed, of all meshes.
     pub triangles: usize,
     /// Vertices that are skinned.
     pub vertices: usize,
