@@ -12,7 +12,7 @@ const BUDGETS: [u32; 4] = [100, 400, 1000, 2000];
 
 #[test]
 fn a_plan_is_no_worse_than_the_finest_level_that_fits() {
-    let (model, trained) = trained_demo(&options(2000, 600));
+    let (model, trained) = trained_demo(&options(2000, 1200));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let (mut better, mut finer) = (0, 0);
     for distance in [1.5, 3.0, 8.0, 14.0] {
@@ -27,7 +27,7 @@ fn a_plan_is_no_worse_than_the_finest_level_that_fits() {
             planned: true,
             distance: Some(distance),
         };
-        // A plan foretells the mean over both, as it does not know what is behind.
+        // A plan foretells the mean over both: it does not know what is behind.
         let rows = [[1.0; 3], [0.0; 3]].map(|background| {
             let measured = evaluate(&avatar, &model, &measure(background));
             measured.expect("it can be measured").rows
