@@ -248,7 +248,7 @@ fn prefixes<'a>(
     let all = options.packed.as_deref().unwrap_or(bytes);
     let (mut measured, mut too_short) = (Vec::new(), Vec::new());
     for &percent in percents {
-        let share = (all.len() as f64 * f64::from(percent) / 100.0).round() as usize;
+        let share = (all.len() as f64 * f64::from(percent) / 100.0) as usize;
         let share = share.min(all.len());
         // All of the file is valid: what can be wrong with a share of it is its end.
         let len = match &options.packed {
