@@ -10,7 +10,7 @@ use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics::not_below_zero;
 use crate::lanes::{Lanes, Row, load_rows};
 use crate::math::{Real, each};
-use crate::project::{Projected, project_turned};
+use crate::project::{Projected, project};
 use crate::screen::SplatCamera;
 
 /// Gaussians of a batch at most: as many as a word has bits.
@@ -32,17 +32,8 @@ pub trait Batch {
         &self,
         token: V::Token,
         at: usize,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> [OnScreen<V>; EYES];
-}
-
-/// Cameras that look at a batch together.
-#[derive(Clone, Copy, Debug)]
-pub struct Cameras<R, const EYES: usize> {
-    /// All of them.
-    pub all: [SplatCamera<R>; EYES],
-    /// Whether they look the same way, to the bit: directions are the same in their axes.
-    pub parallel: bool,
 }
 
 /// Gaussians on the screen.
@@ -64,17 +55,13 @@ pub(crate) fn seen<R: Real, const N: usize, const EYES: usize>(
     ellipsoid: &Ellipsoid<R, N>,
     opacity: R,
     color: [R; 3],
-    Cameras { all, parallel }: &Cameras<R, EYES>,
+    cameras: &[SplatCamera<R>; EYES],
 ) -> [OnScreen<R>; EYES] {
-    // Those of a headset turn axes alike.
-    let first = all.first().filter(|_| EYES > 1 && *parallel);
-    let turned = first.map(|first| first.view.turned(&ellipsoid.axes));
     each(
-        all.each_ref(),
+        cameras.each_ref(),
         #[inline(always)]
-        |SplatCamera { view, low_pass }: &SplatCamera<R>| {
-            let axes = turned.unwrap_or_else(|| view.turned(&ellipsoid.axes));
-            let (projected, drawable) = project_turned(view, *low_pass, ellipsoid.center, &axes);
+        |camera: &SplatCamera<R>| {
+            let (projected, drawable) = project(&camera.view, camera.low_pass, ellipsoid);
             OnScreen { projected, drawable, opacity, color }
         },
     )
@@ -165,7 +152,7 @@ impl Batch for Discs {
         &self,
         token: V::Token,
         at: usize,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> [OnScreen<V>; EYES] {
         let [x, y, z, angle] = load_rows::<V>(token, &self.places, at);
         let [s, t, opacity, _] = load_rows::<V>(token, &self.shapes, at);
@@ -235,7 +222,7 @@ impl Batch for Fulls {
         &self,
         token: V::Token,
         at: usize,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> [OnScreen<V>; EYES] {
         let [x, y, z, opacity] = load_rows::<V>(token, &self.places, at);
         let rotation = load_rows::<V>(token, &self.rotations, at);

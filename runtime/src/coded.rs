@@ -5,13 +5,14 @@ use dermis_format::quant::{COMPONENT_MIDDLE, HALF_ROOT};
 use dermis_format::record::{DiscGroup, FullGroup};
 use dermis_format::{Block, Disc, Discs, Full, Fulls};
 
-use crate::batch::{BATCH, Batch, Cameras, FrameRows, OnScreen, seen};
+use crate::batch::{BATCH, Batch, FrameRows, OnScreen, seen};
 use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::harmonics;
 use crate::lanes::{Lanes, MAX_LANES, Row, lanes_at, load};
 use crate::math::each;
 use crate::mix::mixed;
+use crate::screen::SplatCamera;
 use crate::select::{Harmonics, Place};
 
 /// Gaussians of a block as the file has them: codes of each, and what they mean.
@@ -47,7 +48,7 @@ pub trait Coding<'a>: Copy {
         decoded: Self::Decoded<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> ([V; 3], [OnScreen<V>; EYES]);
 }
 
@@ -98,7 +99,7 @@ impl<'a> Coding<'a> for Discs<'a> {
         disc: Disc<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let [s, t] = disc.log2_scale;
         let scales = [s + log2_factor, t + log2_factor];
@@ -176,7 +177,7 @@ impl<'a> Coding<'a> for Fulls<'a> {
         full: Full<V>,
         log2_factor: V,
         frame: &Frame<V>,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let scales = each(
             full.log2_scale,
@@ -323,13 +324,13 @@ impl<'a, R: Coding<'a>> Batch for Coded<'a, R> {
         &self,
         token: V::Token,
         at: usize,
-        cameras: &Cameras<V, EYES>,
+        cameras: &[SplatCamera<V>; EYES],
     ) -> [OnScreen<V>; EYES] {
         let decoded = self.decode(token, at);
         let frame = self.frames.load(token, at);
         let factor = V::splat(token, self.log2_factor);
         let (center, mut seen) = R::project(decoded, factor, &frame, cameras);
-        for (seen, camera) in seen.iter_mut().zip(&cameras.all) {
+        for (seen, camera) in seen.iter_mut().zip(cameras) {
             seen.color = if self.has_harmonics {
                 let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
                 let direction = harmonics::direction(center, camera.view.eye);

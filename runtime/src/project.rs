@@ -48,14 +48,6 @@ impl<R: Scalar> View<R> {
     }
 }
 
-impl View<f32> {
-    /// Whether both look the same way, from wherever: a direction is the same in their axes, to the bit.
-    pub(crate) fn is_parallel_to(&self, other: &Self) -> bool {
-        let turns = |[a, b, c]: [[f32; 4]; 3]| [a, b, c].map(|[x, y, z, _]| [x, y, z]);
-        turns(self.rows) == turns(other.rows)
-    }
-}
-
 impl<R: Real> View<R> {
     /// The same camera in other numbers.
     #[inline(always)]
@@ -91,16 +83,6 @@ impl<R: Real> View<R> {
             self.rows,
             #[inline(always)]
             |[x, y, z, _]| dot([x, y, z], d),
-        )
-    }
-
-    /// Axes of a Gaussian in the world, in camera axes.
-    #[inline(always)]
-    pub(crate) fn turned<const N: usize>(&self, axes: &[[R; 3]; N]) -> [[R; 3]; N] {
-        each(
-            *axes,
-            #[inline(always)]
-            |axis| self.direction(axis),
         )
     }
 
@@ -197,25 +179,17 @@ pub fn project<R: Real, const N: usize>(
     low_pass: LowPass,
     gaussian: &Ellipsoid<R, N>,
 ) -> (Projected<R>, R::Mask) {
-    project_turned(view, low_pass, gaussian.center, &view.turned(&gaussian.axes))
-}
-
-/// The same of axes that are turned already.
-#[inline(always)]
-pub(crate) fn project_turned<R: Real, const N: usize>(
-    view: &View<R>,
-    low_pass: LowPass,
-    center: [R; 3],
-    axes: &[[R; 3]; N],
-) -> (Projected<R>, R::Mask) {
-    let p @ [x, y, z] = view.point(center);
+    let p @ [x, y, z] = view.point(gaussian.center);
     let (zero, one) = (z.like(0.0), z.like(1.0));
     let [sx, sy] = view.slopes(p);
     let (jx, jy) = (view.focal[0] / z, view.focal[1] / z);
     let b: [[R; 2]; N] = each(
-        *axes,
+        gaussian.axes,
         #[inline(always)]
-        |[ax, ay, az]| [jx * (ax - sx * az), jy * (ay - sy * az)],
+        |axis| {
+            let [ax, ay, az] = view.direction(axis);
+            [jx * (ax - sx * az), jy * (ay - sy * az)]
+        },
     );
     let OnPlane { xx, xy, yy, det } = covariance_on_plane(&b, zero);
     let h = z.like(low_pass.variance());

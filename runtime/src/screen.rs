@@ -3,7 +3,7 @@
 
 use dermis_format::LowPass;
 
-use crate::batch::{Batch, Cameras, OnScreen};
+use crate::batch::{Batch, OnScreen};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::kernel::{Kernel, Work};
@@ -146,11 +146,7 @@ impl<G: Batch, const EYES: usize> Work for Project<'_, G, EYES> {
     #[inline(always)]
     fn run<V: Lanes>(self, token: V::Token) -> [u64; EYES] {
         let Self { batch, eyes } = self;
-        let looks_alike = |eye: &Eye<'_>| {
-            eyes.first().is_some_and(|first| eye.camera.view.is_parallel_to(&first.camera.view))
-        };
-        let parallel = EYES > 1 && eyes.iter().all(looks_alike);
-        let all = each(
+        let cameras = each(
             eyes.each_ref(),
             #[inline(always)]
             |eye: &Eye<'_>| {
@@ -161,7 +157,6 @@ impl<G: Batch, const EYES: usize> Work for Project<'_, G, EYES> {
                 SplatCamera { view, low_pass: eye.camera.low_pass }
             },
         );
-        let cameras = Cameras { all, parallel };
         let mut writers = eyes.map(
             #[inline(always)]
             |eye| Writer::new(eye.slots, *eye.grid, eye.sees),
@@ -170,7 +165,7 @@ impl<G: Batch, const EYES: usize> Work for Project<'_, G, EYES> {
         while at < batch.len() {
             let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
             let seen = batch.project(token, at, &cameras);
-            for ((writer, seen), camera) in writers.iter_mut().zip(&seen).zip(&cameras.all) {
+            for ((writer, seen), camera) in writers.iter_mut().zip(&seen).zip(&cameras) {
                 writer.write(token, at, valid, &camera.view, seen);
             }
             at += V::LEN;
