@@ -1,4 +1,5 @@
-//! Coarser meshes of the same vertices, on whose triangles the first Gaussians stand: an avatar that is far away skins few vertices.
+//! Coarser meshes of the same vertices, on whose triangles the first Gaussians stand: an avatar that is far away skins few
+//! vertices.
 
 use core::ops::Range;
 
@@ -34,7 +35,8 @@ impl<'a> MeshLevels<'a> {
         1 + self.coarser.len()
     }
 
-    /// Triangles of the surface: the first ones of the avatar. All that a picture covers is theirs; those behind them carry Gaussians alone.
+    /// Triangles of the surface: the first ones of the avatar. All that a picture covers is theirs; those behind them carry
+    /// Gaussians alone.
     pub fn surface(&self) -> u32 {
         self.surface
     }

@@ -27,7 +27,7 @@ use curve::Curve;
 pub struct Budget {
     /// Gaussians of all plans together.
     pub gaussians: u32,
-    /// Gaussians blended into pixels, as the curves predict it: of a human, trained, within 7 % from 8 to 1 m from in front,
+    /// Gaussians blended into pixels, as the curves predict it: of a human, trained, within 10 % from 8 to 1 m from in front,
     /// up to 13 % too many from other sides; of a head that hides most of itself up to 16 % too few. Of files without the
     /// section `SAMP` up to three times too few or 1.4 times too many. Infinite: as many as there are.
     pub blends: f32,
