@@ -8,13 +8,13 @@ use crate::level::Level;
 use crate::level_order::LevelOrder;
 use crate::mesh_levels::MeshLevels;
 use crate::movement::Movements;
+use crate::names::Names;
 use crate::record::{
     BindRecord, ImportanceRecord, Indices, JointRecord, KeyFrameRecord, U32, VertexRecord, plane,
-    take_plane,
 };
 use crate::rig::{Clip, MorphTarget};
 use crate::samples::Samples;
-use crate::section::{Section, Sections, head, section_crc, split_header, tag};
+use crate::section::{self, Section, Sections, head, section_crc, split_header, tag};
 use crate::walk::{Levels, Runs};
 
 /// An avatar, read in place. Everything was checked by [`Avatar::parse`]; accessors are total.
@@ -114,7 +114,7 @@ impl<'a> Avatar<'a> {
         counts: &mut Counts<'a>,
     ) -> Result<(), Error> {
         let header = self.header;
-        let place = section_name(tag);
+        let place = section::name(tag);
         let split = match tag {
             tag::VERTICES => plane(payload).map(|plane| self.vertices = plane),
             tag::SKIN => self.take_skin(payload),
@@ -131,7 +131,7 @@ impl<'a> Avatar<'a> {
             }
             tag::REGIONS => {
                 self.regions = payload;
-                Names { rest: payload }.is_whole(header.regions.into()).then_some(())
+                Names::of(payload).is_whole(header.regions.into()).then_some(())
             }
             tag::LAYERS => plane(payload).map(|plane| self.layers = plane),
             tag::IMPORTANCES => plane(payload).and_then(|plane| {
@@ -154,7 +154,7 @@ impl<'a> Avatar<'a> {
             tag::JOINTS => plane(payload).map(|plane| self.joints = plane),
             tag::JOINT_NAMES => {
                 self.joint_names = payload;
-                Names { rest: payload }.is_whole(header.joints.into()).then_some(())
+                Names::of(payload).is_whole(header.joints.into()).then_some(())
             }
             tag::BINDS => plane(payload).map(|plane| self.binds = plane),
             tag::KEY_FRAMES => plane(payload).map(|plane| self.key_frames = plane),
@@ -222,7 +222,7 @@ impl<'a> Avatar<'a> {
             (self.joints.len(), usize::from(header.joints), "JNTS"),
             (self.binds.len(), usize::from(header.binds), "BIND"),
             (self.layers.len(), layers, "LAYR"),
-            (Names { rest: self.regions }.count(), usize::from(header.regions), "REGN"),
+            (Names::of(self.regions).count(), usize::from(header.regions), "REGN"),
             (counts.morph_targets, usize::from(header.morph_targets), "MRPH"),
         ];
         let other = lengths.into_iter().find(|(found, expected, _)| found != expected);
@@ -368,7 +368,7 @@ impl<'a> Avatar<'a> {
 
     /// Names of the regions.
     pub fn region_names(&self) -> Names<'a> {
-        Names { rest: self.regions }
+        Names::of(self.regions)
     }
 
     /// Gaussians of layer `layer` of region `region`.
@@ -425,7 +425,7 @@ impl<'a> Avatar<'a> {
 
     /// Names of the joints; none if the file leaves them out.
     pub fn joint_names(&self) -> Names<'a> {
-        Names { rest: self.joint_names }
+        Names::of(self.joint_names)
     }
 
     /// Inverse bind matrices.
@@ -482,31 +482,6 @@ impl<'a> Avatar<'a> {
     }
 }
 
-/// Walks strings, each led by its length in bytes (u8).
-#[derive(Clone, Copy, Debug)]
-pub struct Names<'a> {
-    rest: &'a [u8],
-}
-
-impl Names<'_> {
-    /// Whether there are `count` names and no byte after them.
-    fn is_whole(mut self, count: usize) -> bool {
-        self.by_ref().count() == count && self.rest.is_empty()
-    }
-}
-
-impl<'a> Iterator for Names<'a> {
-    type Item = &'a str;
-
-    fn next(&mut self) -> Option<&'a str> {
-        let (len, rest) = take_plane::<u8>(self.rest, 1)?;
-        let (name, rest) = rest.split_at_checked(usize::from(*len.first()?))?;
-        let name = core::str::from_utf8(name).ok()?;
-        self.rest = rest;
-        Some(name)
-    }
-}
-
 /// What is said of a section that is not there, or cut.
 const MISSING: &str = "it is missing or not as long as the header says";
 
@@ -538,7 +513,7 @@ impl<'a> Scanned<'a> {
                 None => break,
             };
             if crc != section_crc(&section) {
-                return Err(Error::Damaged { place: section_name(section.tag) });
+                return Err(Error::Damaged { place: section::name(section.tag) });
             }
             avatar.take(section, here, &mut counts)?;
             end += head::LEN + section.payload.len();
@@ -580,31 +555,5 @@ impl<'a> Counts<'a> {
             _ => return malformed("block", "it does not follow the block before it"),
         }
         self.levels.as_mut().map_or(Ok(()), |levels| levels.block(block))
-    }
-}
-
-fn section_name(tag: [u8; 4]) -> &'static str {
-    match tag {
-        tag::VERTICES => "VERT",
-        tag::SKIN => "SKIN",
-        tag::TRIANGLES => "TRIS",
-        tag::SIDES => "SIDE",
-        tag::MESH_LEVELS => "MLEV",
-        tag::TRIANGLE_REGIONS => "TREG",
-        tag::REGIONS => "REGN",
-        tag::LAYERS => "LAYR",
-        tag::IMPORTANCES => "IMPO",
-        tag::CURVES => "CURV",
-        tag::SAMPLES => "SAMP",
-        tag::MOVEMENTS => "MOVE",
-        tag::JOINTS => "JNTS",
-        tag::JOINT_NAMES => "JNAM",
-        tag::BINDS => "BIND",
-        tag::MORPH => "MRPH",
-        tag::CLIP => "CLIP",
-        tag::KEY_FRAMES => "KEYF",
-        tag::BLOCK => "BLCK",
-        tag::LEVEL => "LEVL",
-        _ => "unknown section",
     }
 }

@@ -31,6 +31,7 @@ pub mod level;
 mod level_order;
 pub mod mesh_levels;
 pub mod movement;
+pub mod names;
 pub mod order;
 pub mod packed;
 pub mod quant;

@@ -79,6 +79,33 @@ pub mod tag {
     pub const LEVEL: [u8; 4] = *b"LEVL";
 }
 
+/// Of a tag, for errors.
+pub(crate) fn name(tag: [u8; 4]) -> &'static str {
+    match tag {
+        tag::VERTICES => "VERT",
+        tag::SKIN => "SKIN",
+        tag::TRIANGLES => "TRIS",
+        tag::SIDES => "SIDE",
+        tag::MESH_LEVELS => "MLEV",
+        tag::TRIANGLE_REGIONS => "TREG",
+        tag::REGIONS => "REGN",
+        tag::LAYERS => "LAYR",
+        tag::IMPORTANCES => "IMPO",
+        tag::CURVES => "CURV",
+        tag::SAMPLES => "SAMP",
+        tag::MOVEMENTS => "MOVE",
+        tag::JOINTS => "JNTS",
+        tag::JOINT_NAMES => "JNAM",
+        tag::BINDS => "BIND",
+        tag::MORPH => "MRPH",
+        tag::CLIP => "CLIP",
+        tag::KEY_FRAMES => "KEYF",
+        tag::BLOCK => "BLCK",
+        tag::LEVEL => "LEVL",
+        _ => "unknown section",
+    }
+}
+
 /// A section: its tag and its payload.
 #[derive(Clone, Copy, Debug)]
 pub struct Section<'a> {
