@@ -34,9 +34,7 @@ impl Nearest {
         let others = nearest.take_while(|(_, distance)| *distance <= as_near);
         Some(others.map(|(triangle, _)| triangle.index).fold(first.index, u32::min))
     }
-}
 
-impl Nearest {
     /// Triangles from the nearest one on.
     pub(crate) fn by_distance(&self, point: [f64; 3]) -> impl Iterator<Item = u32> {
         self.0.nearest_neighbor_iter(point).map(|triangle| triangle.index)

@@ -88,8 +88,9 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
     let clouds = options.method.train(&mut workshop)?;
     let precision = workshop.precision(&clouds)?;
     let mut source = package::with_gaussians(source, &precision.within_limits(&clouds));
-    source.curves = Some(workshop.curves(&clouds, &precision)?);
-    source.samples = workshop.samples(&clouds, &precision)?;
+    let stored = precision.stored(&clouds)?;
+    source.curves = Some(workshop.curves(&stored)?);
+    source.samples = workshop.samples(&stored);
     source.widths.clone_from(&precision.widths);
     if !options.regions.is_empty() {
         let importances = workshop.importances(&training_clips(model, options)?, &seen);

@@ -34,8 +34,7 @@ impl<'c> Carriers<'c> {
     /// Puts Gaussians on the triangles that carry them best.
     pub fn carry(&self, seeds: &mut [Seed]) {
         seeds.par_iter_mut().for_each(|seed| {
-            let best = self.best(seed);
-            if let Some(triangle) = best {
+            if let Some(triangle) = self.best(seed) {
                 *seed = self.carried(seed, triangle);
             }
         });
@@ -57,12 +56,17 @@ impl<'c> Carriers<'c> {
         self.surface.point(seed.triangle, seed.parameters.position)
     }
 
+    /// log₂ of a round disc's standard deviation at rest, metres.
+    fn log2_sigma(&self, seed: &Seed) -> f32 {
+        let [a, b] = seed.parameters.log2_scale;
+        0.5 * (a + b + libm::log2f(self.surface.area(seed.triangle)))
+    }
+
     /// Sum over the training poses of the square of how far a triangle would leave a Gaussian from where its own has it, and
     /// of how far its rim, m²; `None` where one of the two has no frame.
     fn error(&self, seed: &Seed, triangle: u32) -> Option<f32> {
         let local = self.surface.local(triangle, self.place(seed));
-        let [a, b] = seed.parameters.log2_scale;
-        let sigma = libm::exp2f(0.5 * (a + b)) * libm::sqrtf(self.surface.area(seed.triangle));
+        let sigma = libm::exp2f(self.log2_sigma(seed));
         let mut sum = 0.0;
         for stage in self.stages {
             let [own, other] = [seed.triangle, triangle].map(|t| stage.frames[t as usize].as_ref());
@@ -77,9 +81,8 @@ impl<'c> Carriers<'c> {
 
     /// The same round disc in the same place at rest, flat on another triangle.
     fn carried(&self, seed: &Seed, triangle: u32) -> Seed {
-        let [a, b] = seed.parameters.log2_scale;
-        let areas = self.surface.area(seed.triangle) / self.surface.area(triangle);
-        let log2_sigma = 0.5 * (a + b + libm::log2f(areas));
+        // In units of √(triangle area).
+        let log2_sigma = self.log2_sigma(seed) - 0.5 * libm::log2f(self.surface.area(triangle));
         let (angle, round) = self.surface.round_disc(triangle);
         let mut carried = *seed;
         carried.triangle = triangle;

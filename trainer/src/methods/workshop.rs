@@ -148,18 +148,16 @@ impl<'a> Workshop<'a> {
         }
     }
 
-    /// How near the picture of each level is to the mesh, for clouds of which the file holds so much.
-    pub fn curves(&self, clouds: &[Cloud], precision: &Precision) -> Result<MeasuredCurves> {
-        let stored = precision.stored(clouds)?;
+    /// How near the picture of each level is to the mesh, for clouds as the file holds them ([`Precision::stored`]).
+    pub fn curves(&self, stored: &[Cloud]) -> Result<MeasuredCurves> {
         let kind = self.options.method.mathematics().frame;
-        curves::measure(&stored, &self.problem(), kind, &self.parts.regions)
+        curves::measure(stored, &self.problem(), kind, &self.parts.regions)
     }
 
     /// Which triangles stand for the others, for the same clouds.
-    pub fn samples(&self, clouds: &[Cloud], precision: &Precision) -> Result<Vec<Sample>> {
-        let stored = precision.stored(clouds)?;
+    pub fn samples(&self, stored: &[Cloud]) -> Vec<Sample> {
         let kind = self.options.method.mathematics().frame;
-        Ok(samples::choose(&stored, &self.problem(), kind, &self.parts.regions))
+        samples::choose(stored, &self.problem(), kind, &self.parts.regions)
     }
 
     /// How much each region matters, which moves in `clips` and of which views have `seen` so much.
