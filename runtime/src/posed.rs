@@ -59,8 +59,9 @@ impl<'s, 'a> Posed<'s, 'a> {
     }
 
     /// Poses what a plan shows: vertices of triangles on which none of its Gaussians stands are not skinned (they are NaN;
-    /// those that the caller gives stay), and what [`Plan::still_below`] says stays as it rests. Drawing this plan, or one that has no more in any region,
-    /// gives the bytes of [`Self::new`] where nothing stays still; other plans are refused with [`Error::Plan`].
+    /// those that the caller gives stay), and what [`Plan::still_below`] says stays as it rests. Drawing this plan, or one
+    /// that has no more in any region, gives the bytes of [`Self::new`] where nothing stays still; other plans are refused
+    /// with [`Error::Plan`].
     ///
     /// Where the plan has so many Gaussians that looking for their vertices takes longer than skinning them, all are skinned.
     pub fn for_plan(
