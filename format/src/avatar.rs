@@ -174,11 +174,11 @@ impl<'a> Avatar<'a> {
                 block.check(&header)?;
                 return counts.add(&block);
             }
-            tag::LEVEL => {
+            tag::LEVEL | tag::SHAPE => {
                 let Some(levels) = &mut counts.levels else {
                     return malformed(place, "the header says that there are none");
                 };
-                let Some(level) = Level::split(payload) else {
+                let Some(level) = Level::split(Section { tag, payload }) else {
                     return malformed(place, "its length does not fit its contents");
                 };
                 level.check(&header)?;
@@ -457,12 +457,12 @@ impl<'a> Avatar<'a> {
 
     /// Blocks' Gaussians at later levels, in the order of the file.
     pub fn levels(&self) -> impl Iterator<Item = Level<'a>> {
-        self.tagged(tag::LEVEL).filter_map(Level::split)
+        self.sections.filter_map(Level::split)
     }
 
     /// Blocks in the order of the file, those of a region with the records that their Gaussians have where its
     /// levels say; those of later layers as they are. Without parameters per level: [`Self::blocks`].
-    /// Takes 2 KB of stack, and a pass over the heads of all sections before the first block.
+    /// Takes 4 KB of stack, and a pass over the heads of all sections before the first block.
     pub fn blocks_at(&self, levels: impl Fn(u8) -> Levels) -> impl Iterator<Item = Block<'a>> {
         let has_levels = self.header.per_level == PerLevel::All;
         let mut runs = has_levels.then(|| Runs::find(self.sections, &levels));

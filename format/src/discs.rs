@@ -5,8 +5,8 @@
 
 use crate::bits::{bits, bytes_for, mask, window};
 use crate::order::GROUP_LEN;
-use crate::quant::{Disc, Linear};
-use crate::record::{DiscGroup, DiscWidths, take_plane};
+use crate::quant::{Disc, Linear, Number};
+use crate::record::{DiscGroup, DiscWidths, ShortRange, take_plane};
 
 /// Most bits of a number.
 pub const MOST_BITS: u8 = 8;
@@ -112,6 +112,51 @@ pub struct Discs<'a> {
     groups: &'a [DiscGroup],
     records: &'a [u8],
     len: usize,
+    shape: Option<Shape<'a>>,
+}
+
+/// Scales and opacities of a level, in place of those of the records.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape<'a> {
+    layout: DiscLayout,
+    groups: &'a [DiscGroup],
+    records: &'a [u8],
+}
+
+impl<'a> Shape<'a> {
+    /// Ranges of 256 discs each, in a row.
+    pub fn groups(&self) -> &'a [DiscGroup] {
+        self.groups
+    }
+
+    /// Both scales and the opacity of disc `index`, 24 bits at most, the first one in the lowest bits; zeros beyond the end.
+    #[inline]
+    fn word(&self, index: usize) -> u32 {
+        let width = self.layout.bits();
+        bits(self.records, index.saturating_mul(width as usize), width)
+    }
+
+    /// log₂ of the scales of discs of a group, or of several side by side: `field(shift, mask)` takes a code out of their words,
+    /// `constant` makes an `F` of an f32.
+    #[inline(always)]
+    pub fn log2_scale<F: Number>(
+        &self,
+        group: usize,
+        field: impl Fn(u32, u32) -> F,
+        constant: impl Fn(f32) -> F,
+    ) -> [F; 2] {
+        let width = u32::from(self.layout.widths.scale);
+        let range = self.groups.get(group).map_or(ShortRange::default(), |group| group.log2_scale);
+        let codes = [field(0, mask(width)), field(width, mask(width))];
+        [range.decode(codes[0], &constant), range.decode(codes[1], &constant)]
+    }
+
+    /// Opacity of disc `index`; 0 beyond the end.
+    #[inline]
+    fn opacity(&self, index: usize) -> f32 {
+        let Some(group) = self.groups.get(index / GROUP_LEN) else { return 0.0 };
+        group.opacity.value((self.word(index) >> (2 * self.layout.widths.scale & 31)) as u16)
+    }
 }
 
 impl<'a> Discs<'a> {
@@ -125,7 +170,7 @@ impl<'a> Discs<'a> {
         let layout = DiscLayout::new(widths)?;
         let bytes = bytes_for(len.checked_mul(layout.bits() as usize)?);
         let fits = groups.len() == len.div_ceil(GROUP_LEN) && records.len() == bytes;
-        fits.then_some(Self { layout, groups, records, len })
+        fits.then_some(Self { layout, groups, records, len, shape: None })
     }
 
     /// All records, bit by bit.
@@ -139,7 +184,19 @@ impl<'a> Discs<'a> {
         let layout = DiscLayout::new(*widths.first()?)?;
         let (groups, rest) = take_plane(rest, len.div_ceil(GROUP_LEN))?;
         let (records, rest) = take_plane(rest, bytes_for(len * layout.bits() as usize))?;
-        Some((Self { layout, groups, records, len }, rest))
+        Some((Self { layout, groups, records, len, shape: None }, rest))
+    }
+
+    /// The same discs with scales and opacities of `shape`.
+    pub(crate) fn shaped(self, shape: Self) -> Self {
+        let Self { layout, groups, records, .. } = shape;
+        Self { shape: Some(Shape { layout, groups, records }), ..self }
+    }
+
+    /// What stands in place of the records' scales and opacities, if anything does.
+    #[inline(always)]
+    pub fn shape(&self) -> Option<Shape<'a>> {
+        self.shape
     }
 
     /// How many.
@@ -162,13 +219,14 @@ impl<'a> Discs<'a> {
         self.groups
     }
 
-    /// The words of disc `index`; zeros beyond the end.
+    /// The words of disc `index`, and that of its [`Shape`]; zeros beyond the end.
     #[inline]
-    pub fn words(&self, index: usize) -> [u32; 3] {
+    pub fn words(&self, index: usize) -> [u32; 4] {
         let [first, second, third] = self.layout.words;
         let record = window(self.records, index.saturating_mul((first + second + third) as usize));
         let word = |at: u32, width: u32| ((record >> at) as u64 & ((1 << width) - 1)) as u32;
-        [word(0, first), word(first, second), word(first + second, third)]
+        let shape = self.shape.map_or(0, |shape| shape.word(index));
+        [word(0, first), word(first, second), word(first + second, third), shape]
     }
 
     /// Disc `index`, decoded.
@@ -176,13 +234,23 @@ impl<'a> Discs<'a> {
     pub fn get(&self, index: usize) -> Option<Disc> {
         let group = self.groups.get(index / GROUP_LEN)?;
         let words = self.words(index);
-        let codes = self.layout.codes(|word, shift, mask| (words[word] >> shift & mask) as f32);
-        (index < self.len).then(|| group.disc_of_codes(&codes, self.layout.widths.angle, |x| x))
+        let field = |word: usize, shift: u32, mask: u32| (words[word] >> shift & mask) as f32;
+        let codes = self.layout.codes(field);
+        let mut disc = group.disc_of_codes(&codes, self.layout.widths.angle, |x| x);
+        if let Some(shape) = self.shape {
+            let scale = |shift, mask| field(3, shift, mask);
+            disc.log2_scale = shape.log2_scale(index / GROUP_LEN, scale, |x| x);
+            disc.opacity = shape.opacity(index);
+        }
+        (index < self.len).then_some(disc)
     }
 
     /// Opacity of disc `index`; 0 beyond the end.
     #[inline]
     pub fn opacity(&self, index: usize) -> f32 {
+        if let Some(shape) = self.shape {
+            return shape.opacity(index);
+        }
         let Some(group) = self.groups.get(index / GROUP_LEN) else { return 0.0 };
         let width = u32::from(self.layout.widths.opacity);
         let end = index.saturating_add(1).saturating_mul(self.layout.bits() as usize);

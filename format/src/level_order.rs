@@ -8,7 +8,7 @@ use crate::block::{Block, split_head};
 use crate::error::{Error, malformed};
 use crate::header::MAX_REGIONS;
 use crate::level::Level;
-use crate::section::{Section, Sections, tag};
+use crate::section::{Section, Sections, holds_gaussians, name};
 
 /// What was seen on the way through the sections.
 pub(crate) struct LevelOrder<'a> {
@@ -29,6 +29,7 @@ struct Region<'a> {
 struct Run<'a> {
     region: u8,
     level: u8,
+    tag: [u8; 4],
     /// Rank that follows its last Gaussian.
     next: u32,
     /// What its levels belong to, one by one.
@@ -43,27 +44,29 @@ impl<'a> LevelOrder<'a> {
 
     /// The next section is this level; `here`: it and all after it.
     pub(crate) fn level(&mut self, level: &Level<'_>, here: Sections<'a>) -> Result<(), Error> {
+        let place = name(level.tag);
         let Some(region) = self.regions.get_mut(usize::from(level.region)) else {
-            return malformed("LEVL", "its region does not exist");
+            return malformed(place, "its region does not exist");
         };
         let run = match &mut self.run {
             Some(run) => run,
             None => {
                 if region.layer.is_none_or(|layer| level.level <= layer) {
-                    return malformed("LEVL", "it is not later than the blocks before it");
+                    return malformed(place, "it is not later than the blocks before it");
                 }
                 let of = core::mem::replace(&mut region.since, here);
-                self.run.insert(Run { region: level.region, level: level.level, next: 0, of })
+                let Level { tag, region, level, .. } = *level;
+                self.run.insert(Run { region, level, tag, next: 0, of })
             }
         };
-        if (run.region, run.level) != (level.region, level.level) {
-            return malformed("LEVL", "it stands among those of another region or level");
+        if (run.region, run.level, run.tag) != (level.region, level.level, level.tag) {
+            return malformed(place, "it stands among those of another region, level or kind");
         }
         let of = run.of.find(|section| is_of(section, run.region));
         let fits =
             level.first == run.next && of.is_some_and(|section| agrees(level, section.payload));
         if !fits {
-            return malformed("LEVL", "it is not that of the next earlier block");
+            return malformed(place, "it is not that of the next earlier block");
         }
         // Its block is as long, and blocks were counted.
         run.next = run.next.saturating_add(level.count);
@@ -96,7 +99,7 @@ impl<'a> LevelOrder<'a> {
     /// There is no other section.
     pub(crate) fn end(&self) -> Result<(), Error> {
         match self.run {
-            Some(_) => malformed("LEVL", "no block of its level follows"),
+            Some(run) => malformed(name(run.tag), "no block of its level follows"),
             None => Ok(()),
         }
     }
@@ -104,7 +107,7 @@ impl<'a> LevelOrder<'a> {
 
 /// Whether a section is a block of a region or a level of one.
 fn is_of(section: &Section<'_>, region: u8) -> bool {
-    [tag::BLOCK, tag::LEVEL].contains(&section.tag) && section.payload.first() == Some(&region)
+    holds_gaussians(section.tag) && section.payload.first() == Some(&region)
 }
 
 /// Whether a block, or a level of it, has the same Gaussians.

@@ -77,6 +77,13 @@ pub mod tag {
     pub const BLOCK: [u8; 4] = *b"BLCK";
     /// The Gaussians of an earlier block at a later level.
     pub const LEVEL: [u8; 4] = *b"LEVL";
+    /// The same where they differ from the level before in scales and opacity alone.
+    pub const SHAPE: [u8; 4] = *b"SHAP";
+}
+
+/// Whether a section holds Gaussians, of a block or of a level.
+pub fn holds_gaussians(tag: [u8; 4]) -> bool {
+    [tag::BLOCK, tag::LEVEL, tag::SHAPE].contains(&tag)
 }
 
 /// Of a tag, for errors.
@@ -102,6 +109,7 @@ pub(crate) fn name(tag: [u8; 4]) -> &'static str {
         tag::KEY_FRAMES => "KEYF",
         tag::BLOCK => "BLCK",
         tag::LEVEL => "LEVL",
+        tag::SHAPE => "SHAP",
         _ => "unknown section",
     }
 }

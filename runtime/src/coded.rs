@@ -62,8 +62,7 @@ impl<'a> Coding<'a> for Discs<'a> {
 
     #[inline(always)]
     fn words(&self, index: usize) -> [u32; 4] {
-        let [first, second, third] = Discs::words(self, index);
-        [first, second, third, 0]
+        Discs::words(self, index)
     }
 
     #[inline(always)]
@@ -80,12 +79,22 @@ impl<'a> Coding<'a> for Discs<'a> {
             #[inline(always)]
             |word, shift, mask| V::field(words[word], shift, mask),
         );
-        let disc = self.groups().get(group).unwrap_or(&none).disc_of_codes(
+        let ranges = self.groups().get(group).unwrap_or(&none);
+        let mut disc = ranges.disc_of_codes(
             &codes,
             layout.widths().angle,
             #[inline(always)]
             |x| V::splat(token, x),
         );
+        if let Some(shape) = self.shape() {
+            disc.log2_scale = shape.log2_scale(
+                group,
+                #[inline(always)]
+                |shift, mask| V::field(words[3], shift, mask),
+                #[inline(always)]
+                |x| V::splat(token, x),
+            );
+        }
         Disc { opacity, ..disc }
     }
 

@@ -22,7 +22,7 @@
 //! [`Kernel`] says which of them draw. The bytes do not depend on it.
 //!
 //! Beside that memory a frame takes stack: while it projects up to 8 KB for shares, 7 KB for a batch
-//! of 64 Gaussians and 2 KB to walk a file with parameters per level, while it sorts 8 KB for counts;
+//! of 64 Gaussians and 4 KB to walk a file with parameters per level, while it sorts 8 KB for counts;
 //! [`Posed::footprints`] takes 13 KB.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).

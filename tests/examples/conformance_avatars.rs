@@ -32,11 +32,16 @@ const LAYERS: [u32; 3] = [40, 80, 160];
 /// Coefficients of harmonics of degree 3 beyond the constant, three channels each.
 const HARMONICS: usize = 45;
 
-/// The built-in figure as it is trained: discs on affine frames, each level with parameters of its own, the low-pass of
-/// a pixel.
+/// The built-in figure as it is trained: discs on affine frames, each level with parameters of its own and the last with shapes, the
+/// first on a coarser mesh, the low-pass of a pixel.
 fn leveled() -> Vec<u8> {
-    let options =
-        Options { key_frames: 3, size: 240, max_loss_db: 0.1, ..small::options(1_500, 600) };
+    let options = Options {
+        key_frames: 3,
+        size: 240,
+        max_loss_db: 0.1,
+        mesh_levels: 2,
+        ..small::options(1_500, 600)
+    };
     small::trained_demo(&options).1.bytes
 }
 

@@ -123,7 +123,7 @@ def read(data, prefix=False):
     payload = b.take(size)
     b.need(zlib.crc32(payload, zlib.crc32(data[:12])) == crc, "wrong CRC")
     h = read_header(Bytes(payload, "header"))
-    columns, tables, counts, blocks = {"header": h.all}, {}, {"MRPH": 0, "CLIP": 0, "BLCK": 0, "LEVL": 0}, []
+    columns, tables, counts, blocks = {"header": h.all}, {}, {"MRPH": 0, "CLIP": 0, "BLCK": 0, "LEVL": 0, "SHAP": 0}, []
     for tag, payload in read_sections(b, prefix):
         place = f"{tag} {counts[tag]}" if tag in counts else tag
         section = Bytes(payload, place)
@@ -334,7 +334,7 @@ def read_gaussians(h, columns, sections, prefix):
     """Columns of blocks and levels; how many Gaussians there are."""
     layers = [columns["LAYR"][r * h.layers : (r + 1) * h.layers] for r in range(h.regions)]
     blocks = [[] for _ in layers]  # rank and length of each of a region
-    run = []  # region and level of each LEVL section since the last block
+    run = []  # region, level and tag of each level's section since the last block
     for tag, b in sections:
         head = r, layer, n, first = b.numbers("BBHI")
         b.below(h.regions, "region", r)
@@ -345,8 +345,9 @@ def read_gaussians(h, columns, sections, prefix):
         if tag == "BLCK":
             b.need(first == drawn, f"rank {first} where {drawn} follows")
             b.need(start <= first and first + n <= start + layers[r][layer], f"it leaves layer {layer}")
-            wanted = [(r, layer)] * (len(blocks[r]) if leads else 0)
-            b.need(run == wanted, f"led by {len(run)} LEVL sections, not by its {len(wanted)}")
+            wanted = len(blocks[r]) if leads else 0
+            led = len(run) == wanted and all(level[:2] == (r, layer) for level in run)
+            b.need(led, f"led by {len(run)} sections of levels, not by its {wanted}")
             blocks[r].append((first, n))
             run = []
             numbers = read_block(b, h, layer, n, first)
@@ -354,14 +355,14 @@ def read_gaussians(h, columns, sections, prefix):
             b.need(leads, f"no level {layer} begins here")
             of = blocks[r][len(run) : len(run) + 1]
             b.need(of == [(first, n)], f"its Gaussians are not those of the next block, {of}")
-            run.append((r, layer))
-            b.need(run[0] == run[-1], "it stands among those of another level")
-            numbers = read_discs(b, n)
+            run.append((r, layer, tag))
+            b.need(run[0] == run[-1], "it stands among those of another level or kind")
+            numbers = read_discs(b, n, is_shape=tag == "SHAP")
         b.end()
         columns[b.place] = head
         columns.update((f"{b.place} {name}", column) for name, column in numbers.items())
     if run and not prefix:
-        raise Refused("LEVL: no block follows the last")
+        raise Refused(f"{run[-1][2]}: no block follows the last")
     return sum(n for region in blocks for _, n in region)
 
 
@@ -421,8 +422,9 @@ def colours(luma, orange, green):
     return {"red": f32(red), "green": f32([y + cg for y, cg in zip(luma, green)]), "blue": f32(blue)}
 
 
-def read_discs(b, n):
+def read_discs(b, n, is_shape=False):
     widths = b.below(9, "width", *b.take(9))
+    b.need(not is_shape or not any(widths[:4] + widths[5:8]), "it has bits for more than scales and opacity")
     widths = [*widths[:5], *widths[4:]]  # that of the scales holds twice
     groups = [bf16(group) for group in b.rows("2s" * 16, (n + GROUP - 1) // GROUP)]
     x, y, root, angle, s, t, luma, orange, green, opacity = codes = bit_row(b, n, widths)

@@ -41,6 +41,8 @@ fn leveled_cloud() -> Cloud {
         p.color.iter_mut().for_each(|c| *c += 0.1 * random());
         p.logit += random();
     }
+    cloud.last_is_shape = true;
+    cloud.share_base(last);
     cloud
 }
 
@@ -187,9 +189,10 @@ fn levels_are_counted_where_they_are_needed() {
     let avatar = Avatar::parse(&bytes).expect("a valid file");
     let info = Info::of(&avatar);
     let of = |name| info.sections.iter().find(|part| part.name == name).expect("it is there").bytes;
-    assert_eq!(info.layers.iter().map(|layer| layer.bytes).sum::<usize>(), of("BLCK") + of("LEVL"));
+    let all = of("BLCK") + of("LEVL") + of("SHAP");
+    assert_eq!(info.layers.iter().map(|layer| layer.bytes).sum::<usize>(), all);
     assert_eq!(info.layers[1].bytes, 0, "an empty layer");
-    let each = (of("BLCK") + of("LEVL")) as f64 / f64::from(avatar.header().gaussians);
+    let each = all as f64 / f64::from(avatar.header().gaussians);
     assert!((info.bytes_per_gaussian - each).abs() < 1e-9);
     // Where each section ends.
     let mut end = bytes.len()

@@ -138,7 +138,7 @@ impl Info {
         let header = avatar.header();
         let surface = avatar.mesh_levels().surface();
         let sections = parts(avatar);
-        let blocks = sections.iter().filter(|part| ["BLCK", "LEVL"].contains(&&*part.name));
+        let blocks = sections.iter().filter(|part| ["BLCK", "LEVL", "SHAP"].contains(&&*part.name));
         let blocks: usize = blocks.map(|part| part.bytes).sum();
         Self {
             bytes: avatar.bytes().len(),
@@ -176,7 +176,9 @@ fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
     let len = |s: section::Section<'_>| section::head::LEN + s.payload.len();
     let blocks = avatar.sections().filter(|s| s.tag == section::tag::BLOCK);
     let blocks = blocks.zip(avatar.blocks()).filter(|(_, block)| block.layer == layer);
-    let levels = avatar.sections().filter(|s| s.tag == section::tag::LEVEL);
+    let is_level =
+        |s: &section::Section<'_>| section::holds_gaussians(s.tag) && s.tag != section::tag::BLOCK;
+    let levels = avatar.sections().filter(is_level);
     let levels = levels.zip(avatar.levels()).filter(|(_, level)| level.level == layer);
     Layer {
         gaussians: (0..usize::from(avatar.header().regions))

@@ -126,7 +126,7 @@ pub(super) fn walk<C: Coder>(
         tag::MORPH => walk.morph_target(header)?,
         tag::CLIP => walk.clip()?,
         tag::BLOCK => walk.block(header)?,
-        tag::LEVEL => walk.level(header, before)?,
+        tag::LEVEL | tag::SHAPE => walk.level(header, before)?,
         _ => {}
     }
     walk.rest()

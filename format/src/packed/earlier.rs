@@ -45,11 +45,10 @@ impl<'a> Earlier<'a> {
                     Records::Full(_) => None,
                 }
             }
-            tag::LEVEL => {
-                let level = Level::split(section.payload)?;
+            _ => {
+                let level = Level::split(section)?;
                 same(level.region, level.first, level.count).then_some(level.discs)
             }
-            _ => None,
         };
         Sections::new(sections).filter_map(discs).last()
     }

@@ -28,7 +28,7 @@ pub use unpack::Unpacker;
 pub use unpack::{unpack, unpack_prefix};
 
 use crate::error::{Error, malformed};
-use crate::section::{self, tag};
+use crate::section;
 
 /// The first bytes of a packed file.
 pub const MAGIC: [u8; 8] = *b"DERMPK\r\n";
@@ -157,7 +157,7 @@ pub fn bytes_of_gaussians(packed: &[u8]) -> Result<usize, Error> {
     let mut bytes = 0;
     while !rest.is_empty() {
         let (SectionHead { tag, .. }, coded, others) = split_section(rest)?;
-        if [tag::BLOCK, tag::LEVEL].contains(&tag) {
+        if section::holds_gaussians(tag) {
             bytes += head::LEN + coded.len();
         }
         rest = others;

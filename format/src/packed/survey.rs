@@ -9,7 +9,7 @@ use super::table::{Frequencies, SLOTS};
 use crate::bits::{BitWriter, mask};
 use crate::error::Error;
 use crate::record::TrianglesRecord;
-use crate::section::{Section, tag};
+use crate::section::{Section, holds_gaussians};
 use crate::triangles::Triangles;
 
 /// Columns that share a table.
@@ -33,7 +33,7 @@ impl Scope {
     pub(super) fn of(index: usize, section: &Section<'_>) -> (Self, Self) {
         let own = Self::Section(index);
         match section.tag {
-            tag::BLOCK | tag::LEVEL => {
+            tag if holds_gaussians(tag) => {
                 let layer = section.payload.get(1).copied().unwrap_or(0);
                 (Self::Layer(section.tag, layer), own)
             }

@@ -2,6 +2,7 @@
 
 use crate::header::ScaleLaw;
 use crate::order;
+use crate::quant::Disc;
 use crate::record::{BlockRecord, DiscWidths};
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
@@ -61,13 +62,29 @@ pub(super) fn write_levels(
     if !has_levels(region) || first == 0 || first != start {
         return Ok(());
     }
+    let is_shape = is_shape(region, layer.into());
+    let tag = if is_shape { tag::SHAPE } else { tag::LEVEL };
     for (own, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
         let coarser = source.mesh.coarser.len();
         let widths = widths_at(&source.widths, layer.into(), own.into(), coarser);
+        let widths = if is_shape { widths.of_shape() } else { widths };
         let payload = level_payload(region, index, layer, (first, count), widths)?;
-        section(out, tag::LEVEL, &payload)?;
+        section(out, tag, &payload)?;
     }
     Ok(())
+}
+
+/// Whether discs of a level differ from those of the level before in scales and opacities alone.
+fn is_shape(region: &Region, level: usize) -> bool {
+    let Gaussians::Disc(own) = &region.gaussians else { return false };
+    let levels = &region.levels[..level];
+    let Some((here, before)) = levels.split_last() else { return false };
+    let before = before.iter().rfind(|level| !level.is_empty()).map_or(&[][..], Vec::as_slice);
+    let before = before.iter().chain(own.iter().skip(before.len()));
+    here.iter().zip(before).all(|(here, before)| {
+        let Disc { log2_scale, opacity, .. } = *here;
+        Disc { log2_scale, opacity, ..*before } == *here
+    })
 }
 
 fn level_payload(
@@ -78,7 +95,17 @@ fn level_payload(
     widths: DiscWidths,
 ) -> Result<Vec<u8>, EncodeError> {
     let places = first as usize..(first + count) as usize;
-    let discs = &region.levels[usize::from(level) - 1][places];
+    let shapes: Vec<Disc>;
+    let mut discs = &region.levels[usize::from(level) - 1][places];
+    if widths == widths.of_shape() {
+        // Ranges of numbers without a bit are zeros.
+        let shape = |disc: &Disc| {
+            let Disc { log2_scale, opacity, .. } = *disc;
+            Disc { log2_scale, opacity, ..Disc::default() }
+        };
+        shapes = discs.iter().map(shape).collect();
+        discs = &shapes;
+    }
     let head = BlockRecord {
         region: index,
         layer: level,

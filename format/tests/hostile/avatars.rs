@@ -129,6 +129,35 @@ pub(crate) fn add_levels(source: &mut Source) {
     }
 }
 
+/// Levels of which the last of each region is a shape, of the level before or of its blocks.
+pub(crate) fn shapes() -> Source {
+    let mut source = levels();
+    make_shapes(&mut source);
+    source
+}
+
+fn make_shapes(source: &mut Source) {
+    for region in &mut source.regions {
+        let Gaussians::Disc(own) = &region.gaussians else { unreachable!("they are discs") };
+        let Some(last) = region.levels.iter().rposition(|level| !level.is_empty()) else {
+            continue;
+        };
+        let (before, last) = region.levels.split_at_mut(last);
+        let before = before.iter().rfind(|level| !level.is_empty()).map_or(&[][..], |level| level);
+        let before = before.iter().chain(&own[before.len()..]);
+        for (here, before) in last[0].iter_mut().zip(before) {
+            *here = Disc { log2_scale: here.log2_scale, opacity: here.opacity, ..*before };
+        }
+    }
+}
+
+/// The same of blocks and groups enough that levels have several.
+pub(crate) fn many_shapes() -> Source {
+    let mut source = many_levels();
+    make_shapes(&mut source);
+    source
+}
+
 /// Blocks and groups enough that levels have several.
 pub(crate) fn many_levels() -> Source {
     let mut source = regions();
@@ -270,6 +299,8 @@ pub(crate) fn all() -> Vec<(&'static str, Source)> {
         ("levels", levels()),
         ("narrow", narrow()),
         ("many levels", many_levels()),
+        ("shapes", shapes()),
+        ("many shapes", many_shapes()),
         ("wide", wide()),
         ("sparse", sparse()),
         ("cloud", cloud()),

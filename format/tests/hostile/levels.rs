@@ -7,11 +7,18 @@ use dermis_format::source::{Gaussians, Source};
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, Disc, Discs, Error, Levels, PerLevel, Records, ScaleLaw};
 
-use crate::avatars::{add_levels, full, harmonics, levels, many_levels, narrow, opacities};
+use crate::avatars::{
+    add_levels, full, harmonics, levels, many_levels, many_shapes, narrow, opacities, shapes,
+};
 use crate::{file, parse_and_walk};
 
 const LEVL: [u8; 4] = *b"LEVL";
+const SHAP: [u8; 4] = *b"SHAP";
 const BLCK: [u8; 4] = *b"BLCK";
+
+fn is_level(tag: [u8; 4]) -> bool {
+    [LEVL, SHAP].contains(&tag)
+}
 
 fn discs(records: Records<'_>) -> Discs<'_> {
     let Records::Disc(discs) = records else { panic!("discs") };
@@ -20,7 +27,13 @@ fn discs(records: Records<'_>) -> Discs<'_> {
 
 /// A disc of a file, and the ranges that it is of.
 fn decoded(discs: Discs<'_>) -> Vec<(Disc, DiscGroup)> {
-    let of_each = (0..discs.len()).map(|index| discs.groups()[index / 256]);
+    let of_each = (0..discs.len()).map(|index| {
+        let group = discs.groups()[index / 256];
+        discs.shape().map_or(group, |shape| {
+            let DiscGroup { log2_scale, opacity, .. } = shape.groups()[index / 256];
+            DiscGroup { log2_scale, opacity, ..group }
+        })
+    });
     discs.iter().zip(of_each).collect()
 }
 
@@ -53,7 +66,7 @@ fn expected(source: &Source, region: usize, level: usize) -> Vec<Disc> {
 
 #[test]
 fn levels_return() {
-    for source in [levels(), many_levels()] {
+    for source in [levels(), many_levels(), shapes(), many_shapes()] {
         let bytes = encode(&source).unwrap();
         let avatar = Avatar::parse(&bytes).unwrap();
         assert_eq!(avatar.header().per_level, PerLevel::All);
@@ -87,7 +100,7 @@ fn levels_return() {
 fn order_of(bytes: &[u8]) -> Vec<([u8; 4], u8, u8, u32)> {
     let sections = Avatar::parse(bytes).unwrap().sections();
     sections
-        .filter(|section| [BLCK, LEVL].contains(&section.tag))
+        .filter(|section| section.tag == BLCK || is_level(section.tag))
         .map(|Section { tag, payload }| {
             let first = u32::from_le_bytes([payload[4], payload[5], payload[6], payload[7]]);
             (tag, payload[0], payload[1], first)
@@ -128,6 +141,54 @@ fn levels_lead_the_first_block_of_their_layer() {
     assert!(order_of(&encode(&opacities()).unwrap()).iter().all(|o| o.0 == BLCK));
 }
 
+/// What differs from the level before in scales and opacities alone has these alone, and the same numbers else.
+#[test]
+fn shapes_are_of_the_level_before() {
+    let kinds = |source: &Source| -> Vec<_> {
+        let order = order_of(&encode(source).unwrap());
+        order.iter().filter(|o| o.0 != BLCK).map(|o| (o.0, o.1, o.2)).collect()
+    };
+    assert_eq!(kinds(&shapes()), [(LEVL, 0, 2), (SHAP, 0, 3), (SHAP, 0, 3), (SHAP, 1, 2)]);
+    let bytes = encode(&many_shapes()).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    for (upper, lower) in [(2, 1), (1, 0)] {
+        for block in avatar.blocks_at(|_| Levels { upper, lower: Some(lower) }) {
+            let (Some(below), true) = (block.below, block.region == 0) else { continue };
+            for (here, before) in discs(block.records).iter().zip(below.iter()) {
+                let Disc { log2_scale, opacity, .. } = here;
+                let alike = here == Disc { log2_scale, opacity, ..before };
+                assert_eq!(alike, upper == 2, "level {upper}");
+                assert_ne!(here, before);
+            }
+        }
+    }
+    // One number of one Gaussian is enough to need records.
+    let mut source = shapes();
+    source.regions[0].levels[2][4].color[1] += 0.1;
+    assert_eq!(kinds(&source), [(LEVL, 0, 2), (LEVL, 0, 3), (LEVL, 0, 3), (SHAP, 1, 2)]);
+}
+
+/// A run is of one kind, and a shape has no bits for other numbers.
+#[test]
+fn shapes_among_records_or_with_more_bits_are_errors() {
+    for source in [shapes(), many_shapes()] {
+        let (header, sections) = parts(&encode(&source).unwrap());
+        for index in (0..sections.len()).filter(|&index| sections[index].0 == SHAP) {
+            let mut changed = sections.clone();
+            changed[index].0 = LEVL;
+            let alone = [index - 1, index + 1].iter().all(|&beside| sections[beside].0 != SHAP);
+            assert_eq!(Avatar::parse(&joined(&header, &changed)).is_ok(), alone, "{index}");
+        }
+        for index in (0..sections.len()).filter(|&index| sections[index].0 == LEVL) {
+            let mut changed = sections.clone();
+            changed[index].0 = SHAP;
+            let bytes = joined(&header, &changed);
+            let found = Avatar::parse(&bytes);
+            assert!(matches!(found, Err(Error::Malformed { place: "SHAP", .. })), "{index}");
+        }
+    }
+}
+
 type Parts = Vec<([u8; 4], Vec<u8>)>;
 
 /// A file's header and its sections.
@@ -145,14 +206,14 @@ fn joined(header: &[u8], sections: &[([u8; 4], Vec<u8>)]) -> Vec<u8> {
 
 #[test]
 fn levels_out_of_their_place_are_errors() {
-    for source in [levels(), many_levels(), narrow()] {
+    for source in [levels(), many_levels(), narrow(), shapes(), many_shapes()] {
         let (header, sections) = parts(&encode(&source).unwrap());
         assert!(parse_and_walk(&joined(&header, &sections)));
         let is_error = |sections: &[([u8; 4], Vec<u8>)], what: &str, index: usize| {
             assert!(Avatar::parse(&joined(&header, sections)).is_err(), "{what} {index}");
         };
         for index in 0..sections.len() {
-            if sections[index].0 != LEVL {
+            if !is_level(sections[index].0) {
                 continue;
             }
             let mut changed = sections.clone();
@@ -208,7 +269,7 @@ fn levels_out_of_their_place_are_errors() {
 #[test]
 fn the_last_levels_of_a_prefix_are_of_the_next_layer() {
     let (header, sections) = parts(&encode(&levels()).unwrap());
-    let ends = (1..=sections.len()).filter(|&end| sections[end - 1].0 == LEVL);
+    let ends = (1..=sections.len()).filter(|&end| is_level(sections[end - 1].0));
     let mut later = 0;
     for end in ends {
         let mut cut = sections[..end].to_vec();

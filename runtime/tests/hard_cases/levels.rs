@@ -35,6 +35,27 @@ fn leveled(layers: &[u32]) -> Source {
     source
 }
 
+/// The same with the last level a shape of the one before.
+fn shaped(layers: &[u32]) -> Source {
+    let mut source = leveled(layers);
+    let region = &mut source.regions[0];
+    let Gaussians::Disc(own) = &region.gaussians else { panic!("discs") };
+    let (last, before) = region.levels.split_last_mut().unwrap();
+    let before = before.last().unwrap();
+    let before = before.iter().chain(&own[before.len()..]);
+    for (here, before) in last.iter_mut().zip(before) {
+        *here = Disc { log2_scale: here.log2_scale, opacity: here.opacity, ..*before };
+    }
+    source
+}
+
+/// Files of both kinds.
+fn files() -> [Vec<u8>; 2] {
+    let files = [leveled(&LAYERS), shaped(&LAYERS)].map(|source| bytes(&source));
+    assert!(files[1].len() < files[0].len());
+    files
+}
+
 /// The discs of layers up to `level` as the file has them there, and the layer of each.
 fn at_level(avatar: &Avatar<'_>, level: u8) -> Vec<(u8, Disc)> {
     let mut discs = Vec::new();
@@ -59,56 +80,62 @@ const LEVELS: [(u8, u32); 3] = [(0, 600), (2, 1800), (3, 4800)];
 
 #[test]
 fn at_the_count_of_a_level_its_records_are_drawn_as_they_are() {
-    let file = bytes(&leveled(&LAYERS));
-    let avatar = Avatar::parse(&file).unwrap();
-    for (level, count) in LEVELS {
-        let plan = Plan::with_budget(&avatar, count);
-        let region = plan.regions()[0];
-        assert_eq!((region.levels, region.log2_scale), (Levels { upper: level, lower: None }, 0.0));
-        let expected: Vec<Disc> = at_level(&avatar, level).iter().map(|&(_, disc)| disc).collect();
-        assert_eq!(selected(&avatar, &plan), expected, "level {level}");
+    for file in files() {
+        let avatar = Avatar::parse(&file).unwrap();
+        for (level, count) in LEVELS {
+            let plan = Plan::with_budget(&avatar, count);
+            let region = plan.regions()[0];
+            assert_eq!(
+                (region.levels, region.log2_scale),
+                (Levels { upper: level, lower: None }, 0.0)
+            );
+            let expected: Vec<Disc> =
+                at_level(&avatar, level).iter().map(|&(_, disc)| disc).collect();
+            assert_eq!(selected(&avatar, &plan), expected, "level {level}");
+        }
+        // Level 1 of the file is level 0: layer 1 is empty.
+        assert_eq!(Plan::at_level(&avatar, 1.0).gaussians(), 600);
     }
-    // Level 1 of the file is level 0: layer 1 is empty.
-    assert_eq!(Plan::at_level(&avatar, 1.0).gaussians(), 600);
 }
 
 /// SPEC.md, section 8, in f64.
 #[test]
 fn between_levels_every_number_is_mixed() {
-    let file = bytes(&leveled(&LAYERS));
-    let avatar = Avatar::parse(&file).unwrap();
-    for pair in LEVELS.windows(2) {
-        let [(lower, below), (upper, above)] = [pair[0], pair[1]];
-        for count in [below + 1, below + 7, (below + above) / 2, above - 1] {
-            let absent = f64::from(above - count);
-            let ratio = f64::from(above) / f64::from(below);
-            let share = (1.0 + absent / f64::from(below)).log2() / ratio.log2();
-            let plan = Plan::with_budget(&avatar, count);
-            let region = plan.regions()[0];
-            assert_eq!(region.levels, Levels { upper, lower: Some(lower) });
-            assert!((f64::from(region.lower_share) - share).abs() < 1e-5);
-            let found = selected(&avatar, &plan);
-            assert_eq!(found.len(), count as usize, "none is faint");
-            let (at, before) = (at_level(&avatar, upper), at_level(&avatar, lower));
-            // Those that stay stand first; of those that arrive only some are there.
-            for ((found, (_, at)), (_, before)) in found.iter().zip(&at).zip(&before) {
-                let (found, at, before) = (numbers(found), numbers(at), numbers(before));
-                for i in 0..10 {
-                    let mut difference = before[i] - at[i];
-                    if i == 3 {
-                        let pi = std::f64::consts::PI;
-                        difference -= pi * (difference / pi).round();
-                        assert!(difference.abs() < 1.571);
+    for file in files() {
+        let avatar = Avatar::parse(&file).unwrap();
+        for pair in LEVELS.windows(2) {
+            let [(lower, below), (upper, above)] = [pair[0], pair[1]];
+            for count in [below + 1, below + 7, (below + above) / 2, above - 1] {
+                let absent = f64::from(above - count);
+                let ratio = f64::from(above) / f64::from(below);
+                let share = (1.0 + absent / f64::from(below)).log2() / ratio.log2();
+                let plan = Plan::with_budget(&avatar, count);
+                let region = plan.regions()[0];
+                assert_eq!(region.levels, Levels { upper, lower: Some(lower) });
+                assert!((f64::from(region.lower_share) - share).abs() < 1e-5);
+                let found = selected(&avatar, &plan);
+                assert_eq!(found.len(), count as usize, "none is faint");
+                let (at, before) = (at_level(&avatar, upper), at_level(&avatar, lower));
+                // Those that stay stand first; of those that arrive only some are there.
+                for ((found, (_, at)), (_, before)) in found.iter().zip(&at).zip(&before) {
+                    let (found, at, before) = (numbers(found), numbers(at), numbers(before));
+                    for i in 0..10 {
+                        let mut difference = before[i] - at[i];
+                        if i == 3 {
+                            let pi = std::f64::consts::PI;
+                            difference -= pi * (difference / pi).round();
+                            assert!(difference.abs() < 1.571);
+                        }
+                        let expected = at[i] + share * difference;
+                        assert!((found[i] - expected).abs() < 2e-5, "{i}: {} {expected}", found[i]);
                     }
-                    let expected = at[i] + share * difference;
-                    assert!((found[i] - expected).abs() < 2e-5, "{i}: {} {expected}", found[i]);
                 }
+                let mut arriving = at.iter().skip(below as usize);
+                for found in &found[below as usize..] {
+                    assert!(arriving.any(|(_, disc)| disc == found), "as they are, in their order");
+                }
+                assert_eq!(region.log2_scale, 0.0);
             }
-            let mut arriving = at.iter().skip(below as usize);
-            for found in &found[below as usize..] {
-                assert!(arriving.any(|(_, disc)| disc == found), "as they are, in their order");
-            }
-            assert_eq!(region.log2_scale, 0.0);
         }
     }
 }
@@ -116,21 +143,22 @@ fn between_levels_every_number_is_mixed() {
 /// With one Gaussian more than at a level nothing jumps: what was there moves by a thousandth of the way.
 #[test]
 fn the_first_that_arrives_moves_the_others_little() {
-    let file = bytes(&leveled(&LAYERS));
-    let avatar = Avatar::parse(&file).unwrap();
-    for pair in LEVELS.windows(2) {
-        let [(_, below), (upper, _)] = [pair[0], pair[1]];
-        let [before, after] =
-            [below, below + 1].map(|count| selected(&avatar, &Plan::with_budget(&avatar, count)));
-        let way = at_level(&avatar, upper);
-        for ((before, after), (_, end)) in before.iter().zip(&after).zip(&way) {
-            let (before, after, end) = (numbers(before), numbers(after), numbers(end));
-            for i in (0..10).filter(|&i| i != 3) {
-                let (moved, way) = ((after[i] - before[i]).abs(), (end[i] - before[i]).abs());
-                assert!(moved <= 0.0016 * way + 1e-5, "{i}: {moved} of {way}");
+    for file in files() {
+        let avatar = Avatar::parse(&file).unwrap();
+        for pair in LEVELS.windows(2) {
+            let [(_, below), (upper, _)] = [pair[0], pair[1]];
+            let [before, after] = [below, below + 1]
+                .map(|count| selected(&avatar, &Plan::with_budget(&avatar, count)));
+            let way = at_level(&avatar, upper);
+            for ((before, after), (_, end)) in before.iter().zip(&after).zip(&way) {
+                let (before, after, end) = (numbers(before), numbers(after), numbers(end));
+                for i in (0..10).filter(|&i| i != 3) {
+                    let (moved, way) = ((after[i] - before[i]).abs(), (end[i] - before[i]).abs());
+                    assert!(moved <= 0.0016 * way + 1e-5, "{i}: {moved} of {way}");
+                }
+                let turned = (after[3] - before[3]) / std::f64::consts::PI;
+                assert!((turned - turned.round()).abs() < 0.001, "{turned} half turns");
             }
-            let turned = (after[3] - before[3]) / std::f64::consts::PI;
-            assert!((turned - turned.round()).abs() < 0.001, "{turned} half turns");
         }
     }
 }

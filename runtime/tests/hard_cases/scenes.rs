@@ -124,7 +124,8 @@ pub(crate) fn crowd() -> Source {
     }
 }
 
-/// 400 discs in two regions of three levels, an empty layer between them, each with parameters of its own.
+/// 400 discs in two regions of three levels, an empty layer between them, each with parameters of its own; of the first one's last
+/// level with shapes of its own.
 pub(crate) fn leveled_crowd() -> Source {
     let mut source = crowd();
     for (salt, region) in (40u32..).step_by(10).zip(&mut source.regions) {
@@ -142,6 +143,12 @@ pub(crate) fn leveled_crowd() -> Source {
             }
         };
         region.levels = vec![vec![], (0..30).map(disc).collect(), (100..190).map(disc).collect()];
+    }
+    let region = &mut source.regions[0];
+    let Gaussians::Disc(own) = &region.gaussians else { panic!("discs") };
+    let before: Vec<Disc> = region.levels[1].iter().chain(&own[30..]).copied().collect();
+    for (here, before) in region.levels[2].iter_mut().zip(before) {
+        *here = Disc { log2_scale: here.log2_scale, opacity: here.opacity, ..before };
     }
     source
 }

@@ -47,6 +47,7 @@ const TAGS: [[u8; 4]; 16] = [
     tag::KEY_FRAMES,
     tag::BLOCK,
     tag::LEVEL,
+    tag::SHAPE,
 ];
 
 /// Changes an input of `len` bytes in place, to at most `most`; `parameters` bytes lie between flags and file. Mostly

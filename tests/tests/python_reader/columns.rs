@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use dermis_format::curves::stops;
 use dermis_format::quant::opacity_value;
 use dermis_format::rig::{Clip, MorphTarget, Property};
+use dermis_format::section::tag;
 use dermis_format::{Avatar, Block, Discs, Fulls, Records, order};
 
 /// Columns that are not empty.
@@ -20,8 +21,11 @@ pub(crate) fn columns(avatar: &Avatar<'_>) -> Columns {
     for (index, block) in avatar.blocks().enumerate() {
         add_block(avatar, &block, &format!("BLCK {index}"), &mut columns);
     }
-    for (index, level) in avatar.levels().enumerate() {
-        let place = format!("LEVL {index}");
+    let mut places = [0, 0];
+    for level in avatar.levels() {
+        let (name, kind) = if level.tag == tag::SHAPE { ("SHAP", 1) } else { ("LEVL", 0) };
+        let place = format!("{name} {}", places[kind]);
+        places[kind] += 1;
         let head = [level.region.into(), level.level.into(), level.count, level.first];
         columns.insert(place.clone(), head.to_vec());
         add_discs(&level.discs, &place, &mut columns);

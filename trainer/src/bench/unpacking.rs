@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use dermis_format::packed::{Unpacker, pack};
-use dermis_format::section::tag;
+use dermis_format::section::holds_gaussians;
 use dermis_runtime::Avatar;
 use serde::Serialize;
 
@@ -41,8 +41,8 @@ pub fn measure(avatar: &Avatar<'_>, runs: u32) -> Result<Unpacking> {
             let done = unpacker.done().len();
             let (more, ms) = Clock::ONE_THREAD.time(|| unpacker.next_section())?;
             total += ms;
-            let written = unpacker.done().get(done..done + 4);
-            if [tag::BLOCK, tag::LEVEL].iter().any(|tag| written == Some(tag)) {
+            let written = unpacker.done().get(done..).and_then(<[u8]>::first_chunk);
+            if written.copied().is_some_and(holds_gaussians) {
                 gaussians += ms;
             }
             if !more {

@@ -324,7 +324,7 @@ pub fn bytes_of(avatar: &Avatar<'_>, plan: &Plan) -> usize {
             blocks.next().and_then(region).unwrap_or(false)
         } else {
             // A level leads its layer, which decides. Clips come last, and a pose may come from elsewhere.
-            ![section::tag::LEVEL, section::tag::CLIP].contains(&section.tag)
+            section.tag != section::tag::CLIP && !section::holds_gaussians(section.tag)
         };
         if counts {
             needed = end;

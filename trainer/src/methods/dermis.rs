@@ -18,6 +18,7 @@ pub(super) fn train(shop: &mut Workshop<'_>) -> Result<Vec<Cloud>> {
         cloud.coarser_layers = shop.coarser_layers();
         if options.per_level {
             cloud.split_into_levels(|[count, all]| prefix_log2_scale(count, all));
+            cloud.last_is_shape = true;
         }
         cloud
     };

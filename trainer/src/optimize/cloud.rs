@@ -52,6 +52,21 @@ impl Parameters {
         }
     }
 
+    /// The same disc in another shape: with scales and opacity of `shape`.
+    pub fn shaped(&self, shape: &Self) -> Self {
+        Self { log2_scale: shape.log2_scale, logit: shape.logit, ..*self }
+    }
+
+    /// Moves all but the shape by `share` of the way from one disc to another.
+    pub fn pull(&mut self, [from, to]: [&Self; 2], share: f32) {
+        let pull = |number: &mut f32, from: f32, to: f32| *number += share * (to - from);
+        for i in 0..3 {
+            pull(&mut self.position[i], from.position[i], to.position[i]);
+            pull(&mut self.color[i], from.color[i], to.color[i]);
+        }
+        pull(&mut self.angle, from.angle, to.angle);
+    }
+
     /// As the file stores it.
     pub fn disc(&self) -> Disc {
         Disc {
@@ -120,6 +135,9 @@ pub struct Cloud {
     /// What the Gaussians are, level by level: a level holds those of its layer and of all layers before.
     /// A single level holds all, and is theirs at every count.
     pub levels: Vec<Vec<Parameters>>,
+    /// Whether the last level's Gaussians of earlier layers have a shape of their own alone: position, angle and colour are
+    /// those of the level before.
+    pub last_is_shape: bool,
 }
 
 impl Cloud {
@@ -179,6 +197,21 @@ impl Cloud {
                 all[..count as usize].iter().map(widened).collect()
             })
             .collect();
+    }
+
+    /// The level with which Gaussians of a level share all but their shape, if there is one.
+    pub fn base_of(&self, level: usize) -> Option<usize> {
+        let is_shape = self.last_is_shape && level + 1 == self.levels.len();
+        level.checked_sub(1).filter(|_| is_shape)
+    }
+
+    /// Lets a level share what it has to with the level before.
+    pub fn share_base(&mut self, level: usize) {
+        if let Some(base) = self.base_of(level)
+            && let [.., base, shapes] = &mut self.levels[..=base + 1]
+        {
+            shapes.iter_mut().zip(base).for_each(|(shape, base)| *shape = base.shaped(shape));
+        }
     }
 
     /// Parameters of all Gaussians at the last level.

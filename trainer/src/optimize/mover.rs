@@ -18,6 +18,10 @@ use crate::widest::widest;
 /// Gaussians that one task moves.
 const CHUNK: usize = 2048;
 
+/// A step of what a shape shares with the level before, by a picture of the shape, to one by a picture of that level: at 1 that
+/// level loses half a dB, at 0.3 the whole set loses as much (notes/training.md).
+const PULL: f32 = 0.6;
+
 /// One step of all Gaussians of a region that were drawn.
 #[derive(Clone, Debug)]
 pub struct Mover<'a> {
@@ -73,6 +77,8 @@ impl Mover<'_> {
         forward: &Forward,
         gradients: &[SplatGradient],
     ) {
+        let is_shape = cloud.base_of(self.prefix.level).is_some();
+        let is_base = cloud.base_of(self.prefix.level + 1).is_some();
         let Cloud { levels, freedoms, triangles, .. } = cloud;
         let Motion { moments, sigmas } = motion;
         let by_discs = ByDiscs {
@@ -96,29 +102,43 @@ impl Mover<'_> {
         let below = self.prefix.level.checked_sub(1).and_then(|below| levels.nth(below));
         let Some(level) = levels.next() else { return };
         // The level below holds the first ones only.
-        let below = below.filter(|_| self.prefix.lower_share > 0.0).into_iter().flatten();
-        let tasks: Vec<_> = level.zip(below.map(Some).chain(repeat_with(|| None))).collect();
+        let below =
+            below.filter(|_| is_shape || self.prefix.lower_share > 0.0).into_iter().flatten();
+        let above = levels.next().filter(|_| is_base).into_iter().flatten();
+        let beside = below.map(Some).chain(repeat_with(|| None));
+        let beside = beside.zip(above.map(Some).chain(repeat_with(|| None)));
+        let tasks: Vec<_> = level.zip(beside).collect();
         let sources = &forward.sources[self.drawn.clone()];
-        tasks.into_par_iter().enumerate().for_each(|(chunk, (mut here, mut below))| {
-            let first = chunk * CHUNK;
-            let place = |index| {
-                self.drawn.start + sources.partition_point(|&source| (source as usize) < index)
-            };
-            let drawn = place(first)..place(first + here.parameters.len());
-            for start in drawn.clone().step_by(BATCH) {
-                let drawn = start..drawn.end.min(start + BATCH);
-                let discs = by_discs.of(drawn.clone());
-                let moves = drawn.zip(&discs);
-                widest(
-                    #[inline(always)]
-                    || self.step_all(moves, forward, first, freedoms, &mut here, &mut below),
-                );
-            }
-        });
+        tasks.into_par_iter().enumerate().for_each(
+            |(chunk, (mut here, (mut below, mut above)))| {
+                let first = chunk * CHUNK;
+                let place = |index| {
+                    self.drawn.start + sources.partition_point(|&source| (source as usize) < index)
+                };
+                let drawn = place(first)..place(first + here.parameters.len());
+                for start in drawn.clone().step_by(BATCH) {
+                    let drawn = start..drawn.end.min(start + BATCH);
+                    let discs = by_discs.of(drawn.clone());
+                    let moves = drawn.clone().zip(&discs);
+                    let levels = (&mut here, &mut below);
+                    widest(
+                        #[inline(always)]
+                        || self.step_all(moves, forward, first, freedoms, levels, is_shape),
+                    );
+                    if let Some(above) = &mut above {
+                        for &source in &forward.sources[drawn] {
+                            let at = source as usize - first;
+                            above.parameters[at] =
+                                here.parameters[at].shaped(&above.parameters[at]);
+                        }
+                    }
+                }
+            },
+        );
     }
 
-    /// Moves neighbours, of which the first is Gaussian `first`, at the level of the picture and, where they are
-    /// there, at the one below.
+    /// Moves neighbours, of which the first is Gaussian `first`, at the level of the picture, which may be a shape, and,
+    /// where they are there, at the one below.
     #[inline(always)]
     fn step_all<'d>(
         &self,
@@ -126,19 +146,27 @@ impl Mover<'_> {
         forward: &Forward,
         first: usize,
         freedoms: &[Freedom],
-        here: &mut Neighbours<'_>,
-        below: &mut Option<Neighbours<'_>>,
+        (here, below): (&mut Neighbours<'_>, &mut Option<Neighbours<'_>>),
+        is_shape: bool,
     ) {
+        let share = self.prefix.lower_share;
         for (drawn, by) in moves {
             let index = forward.sources[drawn] as usize;
             let (at, freedom) = (index - first, freedoms[index]);
-            match below.as_mut().filter(|below| at < below.parameters.len()) {
-                Some(below) => {
-                    let share = self.prefix.lower_share;
-                    self.step(here, at, by, 1.0 - share, freedom);
-                    self.step(below, at, by, share, freedom);
-                }
-                None => self.step(here, at, by, 1.0, freedom),
+            let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) else {
+                self.step(here, at, by, 1.0, freedom);
+                continue;
+            };
+            let before = here.parameters[at];
+            self.step(here, at, by, 1.0 - share, freedom);
+            if is_shape {
+                below.parameters[at].pull([&before, &here.parameters[at]], PULL);
+            }
+            if share > 0.0 {
+                self.step(below, at, by, share, freedom);
+            }
+            if is_shape {
+                here.parameters[at] = below.parameters[at].shaped(&here.parameters[at]);
             }
         }
     }

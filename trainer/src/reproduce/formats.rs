@@ -11,7 +11,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use dermis_format::LowPass;
 use dermis_format::packed;
-use dermis_format::section::{head, tag};
+use dermis_format::section::{head, holds_gaussians};
 use dermis_runtime::gaussian::disc_on;
 use dermis_runtime::{Avatar, Camera, Kernel, Plan, Pose as RuntimePose, Posed};
 use glam::{DVec3, Vec3};
@@ -255,8 +255,7 @@ fn of_others(splats: &Splats) -> Result<Vec<Filed>> {
 
 /// A file of ours, as it is read in place and as it is packed.
 fn of_ours(file: &[u8]) -> Result<[Filed; 2]> {
-    let of_gaussians = |tag| [tag::BLOCK, tag::LEVEL].contains(&tag);
-    let sections = Avatar::parse(file)?.sections().filter(|section| of_gaussians(section.tag));
+    let sections = Avatar::parse(file)?.sections().filter(|s| holds_gaussians(s.tag));
     let packed = packed::pack(file)?;
     let filed = |format, bytes, gaussian_bytes, file| Filed {
         format,
