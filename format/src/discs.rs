@@ -155,7 +155,7 @@ impl<'a> Shape<'a> {
     #[inline]
     fn opacity(&self, index: usize) -> f32 {
         let Some(group) = self.groups.get(index / GROUP_LEN) else { return 0.0 };
-        group.opacity.value((self.word(index) >> (2 * self.layout.widths.scale & 31)) as u16)
+        group.opacity.value((self.word(index) >> ((2 * self.layout.widths.scale) & 31)) as u16)
     }
 }
 
