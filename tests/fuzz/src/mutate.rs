@@ -30,7 +30,7 @@ const TURNING: [u32; 16] = [
     0x0000_7f80,
 ];
 
-const TAGS: [[u8; 4]; 16] = [
+const TAGS: [[u8; 4]; 17] = [
     tag::VERTICES,
     tag::SKIN,
     tag::TRIANGLES,
