@@ -9,7 +9,7 @@
 //! 2. [`header`] says what the file holds and how wide its records are.
 //! 3. [`record`] names every byte of the planes of fixed-size records.
 //! 4. [`block`] is a band of a region's nested order, self-contained: [`discs`] packed bit by bit, on [`triangles`].
-//! 5. [`level`] is a block's Gaussians at a later level, [`walk`] puts both side by side.
+//! 5. [`level`] is a block's Gaussians at a later level, all of their numbers or scales and opacities alone, [`walk`] puts both side by side.
 //! 6. [`quant`] turns codes into numbers, and back.
 //! 7. [`order`] states which Gaussians of a block come first.
 //! 8. [`curves`] say how good a picture each count makes.
