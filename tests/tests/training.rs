@@ -1,5 +1,6 @@
 //! Training: the same bytes from the same options, exact counts, quality that rises.
 
+use dermis_format::section::tag;
 use dermis_runtime::Avatar;
 use dermis_tests::small::{WHITE, options, trained_demo};
 use dermis_trainer::demo::demo_avatar;
@@ -138,4 +139,24 @@ fn backs_that_are_seen_have_their_bit() {
     assert_eq!(two_sided(&sheet(true), &options), 32, "both sides of the sheet are drawn");
     assert_eq!(two_sided(&sheet(false), &options), 0, "its material hides its back");
     assert_eq!(two_sided(&demo_avatar(), &options), 0, "closed parts show no back");
+}
+
+/// At the last level Gaussians of earlier layers have another shape and share the rest with the level before, in training and in
+/// the file.
+#[test]
+fn the_last_level_has_shapes_of_its_own_alone() {
+    let (_, trained) = trained_demo(&options(1600, 200));
+    let [cloud] = &trained.clouds[..] else { panic!("one region") };
+    let last = cloud.levels.len() - 1;
+    assert_eq!((0..=last).filter_map(|level| cloud.base_of(level)).collect::<Vec<_>>(), [last - 1]);
+    let before = &cloud.levels[last - 1];
+    for (base, shape) in before.iter().zip(&cloud.levels[last]) {
+        assert_eq!(base.shaped(shape), *shape);
+    }
+    let seeds = cloud.levels[last].iter().zip(before).filter(|(shape, base)| shape != base);
+    assert_eq!(seeds.count(), before.len(), "other scales at least");
+    let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
+    for level in avatar.levels() {
+        assert_eq!(level.tag == tag::SHAPE, usize::from(level.level) == last);
+    }
 }

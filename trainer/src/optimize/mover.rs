@@ -19,7 +19,7 @@ use crate::widest::widest;
 const CHUNK: usize = 2048;
 
 /// A step of what a shape shares with the level before, by a picture of the shape, to one by a picture of that level: at 1 that
-/// level loses half a dB, at 0.3 the whole set loses as much (notes/training.md).
+/// level loses half a dB, at 0.3 the whole set loses a third of one (notes/training.md).
 const PULL: f32 = 0.6;
 
 /// One step of all Gaussians of a region that were drawn.
