@@ -6,7 +6,6 @@ use crate::block::{have_valid_ranges, split_head};
 use crate::discs::Discs;
 use crate::error::{Error, malformed};
 use crate::header::Header;
-use crate::record::DiscWidths;
 use crate::section::{Section, name, tag};
 
 /// A checked level of a block.
@@ -56,12 +55,5 @@ impl<'a> Level<'a> {
             return malformed(place, "it has bits for more than scales and opacity");
         }
         Ok(())
-    }
-}
-
-impl DiscWidths {
-    /// Those of scales and opacity; no bits for other numbers.
-    pub fn of_shape(self) -> Self {
-        Self { position: [0; 3], angle: 0, color: [0; 3], ..self }
     }
 }

@@ -270,6 +270,11 @@ pub struct DiscWidths {
 }
 
 impl DiscWidths {
+    /// Those of scales and opacity; no bits for other numbers.
+    pub fn of_shape(self) -> Self {
+        Self { position: [0; 3], angle: 0, color: [0; 3], ..self }
+    }
+
     /// As the numbers stand in a record.
     pub fn numbers(&self) -> [u8; 10] {
         let ([x, y, z], [luma, orange, green]) = (self.position, self.color);

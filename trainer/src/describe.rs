@@ -138,11 +138,11 @@ impl Info {
         let header = avatar.header();
         let surface = avatar.mesh_levels().surface();
         let sections = parts(avatar);
-        let blocks = sections.iter().filter(|part| ["BLCK", "LEVL", "SHAP"].contains(&&*part.name));
-        let blocks: usize = blocks.map(|part| part.bytes).sum();
+        let of_gaussians = avatar.sections().filter(|s| section::holds_gaussians(s.tag));
+        let gaussian_bytes: usize = of_gaussians.map(len_of).sum();
         Self {
             bytes: avatar.bytes().len(),
-            bytes_per_gaussian: blocks as f64 / f64::from(header.gaussians.max(1)),
+            bytes_per_gaussian: gaussian_bytes as f64 / f64::from(header.gaussians.max(1)),
             gaussians: header.gaussians,
             sh_degree: header.harmonics_degree,
             layers: (0..header.layers).map(|layer| layer_of(avatar, layer)).collect(),
@@ -172,8 +172,12 @@ impl Info {
     }
 }
 
+/// Bytes of a section, its head included.
+fn len_of(section: section::Section<'_>) -> usize {
+    section::head::LEN + section.payload.len()
+}
+
 fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
-    let len = |s: section::Section<'_>| section::head::LEN + s.payload.len();
     let blocks = avatar.sections().filter(|s| s.tag == section::tag::BLOCK);
     let blocks = blocks.zip(avatar.blocks()).filter(|(_, block)| block.layer == layer);
     let is_level =
@@ -184,7 +188,7 @@ fn layer_of(avatar: &Avatar<'_>, layer: u8) -> Layer {
         gaussians: (0..usize::from(avatar.header().regions))
             .map(|r| avatar.layer_len(r, usize::from(layer)))
             .sum(),
-        bytes: blocks.map(|(s, _)| s).chain(levels.map(|(s, _)| s)).map(len).sum(),
+        bytes: blocks.map(|(s, _)| s).chain(levels.map(|(s, _)| s)).map(len_of).sum(),
         bits_per_disc: avatar.blocks().filter(|block| block.layer == layer).find_map(|block| {
             let Records::Disc(discs) = block.records else { return None };
             Some(discs.layout().bits())
@@ -243,7 +247,7 @@ fn parts(avatar: &Avatar<'_>) -> Vec<Part> {
     let mut sum = 0;
     for s in avatar.sections() {
         let name = String::from_utf8_lossy(&s.tag).into_owned();
-        let bytes = section::head::LEN + s.payload.len();
+        let bytes = len_of(s);
         sum += bytes;
         match parts.iter_mut().find(|part| part.name == name) {
             Some(part) => (part.count, part.bytes) = (part.count + 1, part.bytes + bytes),

@@ -3,7 +3,7 @@
 use crate::header::ScaleLaw;
 use crate::order;
 use crate::quant::Disc;
-use crate::record::{BlockRecord, DiscWidths};
+use crate::record::BlockRecord;
 use crate::section::tag;
 use crate::source::{Gaussians, Region, Source};
 
@@ -62,16 +62,35 @@ pub(super) fn write_levels(
     if !has_levels(region) || first == 0 || first != start {
         return Ok(());
     }
+    let discs = &region.levels[usize::from(layer) - 1];
+    let coarser = source.mesh.coarser.len();
     let is_shape = is_shape(region, layer.into());
-    let tag = if is_shape { tag::SHAPE } else { tag::LEVEL };
     for (own, first, count) in order::blocks(&region.layers).take_while(|block| block.1 < start) {
-        let coarser = source.mesh.coarser.len();
+        let head = BlockRecord {
+            region: index,
+            layer,
+            count: narrow::<u16>("Gaussians of a block", count as usize)?.into(),
+            first: first.into(),
+        };
+        let discs = &discs[first as usize..(first + count) as usize];
         let widths = widths_at(&source.widths, layer.into(), own.into(), coarser);
-        let widths = if is_shape { widths.of_shape() } else { widths };
-        let payload = level_payload(region, index, layer, (first, count), widths)?;
-        section(out, tag, &payload)?;
+        let (tag, discs) = if is_shape {
+            (tag::SHAPE, disc_bytes(&shapes(discs), widths.of_shape())?)
+        } else {
+            (tag::LEVEL, disc_bytes(discs, widths)?)
+        };
+        section(out, tag, &[bytes_of(&[head]), &discs].concat())?;
     }
     Ok(())
+}
+
+/// What a shape has of discs; its ranges of other numbers are zeros.
+fn shapes(discs: &[Disc]) -> Vec<Disc> {
+    let shape = |disc: &Disc| {
+        let Disc { log2_scale, opacity, .. } = *disc;
+        Disc { log2_scale, opacity, ..Disc::default() }
+    };
+    discs.iter().map(shape).collect()
 }
 
 /// Whether discs of a level differ from those of the level before in scales and opacities alone.
@@ -85,32 +104,4 @@ fn is_shape(region: &Region, level: usize) -> bool {
         let Disc { log2_scale, opacity, .. } = *here;
         Disc { log2_scale, opacity, ..*before } == *here
     })
-}
-
-fn level_payload(
-    region: &Region,
-    index: u8,
-    level: u8,
-    (first, count): (u32, u32),
-    widths: DiscWidths,
-) -> Result<Vec<u8>, EncodeError> {
-    let places = first as usize..(first + count) as usize;
-    let shapes: Vec<Disc>;
-    let mut discs = &region.levels[usize::from(level) - 1][places];
-    if widths == widths.of_shape() {
-        // Ranges of numbers without a bit are zeros.
-        let shape = |disc: &Disc| {
-            let Disc { log2_scale, opacity, .. } = *disc;
-            Disc { log2_scale, opacity, ..Disc::default() }
-        };
-        shapes = discs.iter().map(shape).collect();
-        discs = &shapes;
-    }
-    let head = BlockRecord {
-        region: index,
-        layer: level,
-        count: narrow::<u16>("Gaussians of a block", count as usize)?.into(),
-        first: first.into(),
-    };
-    Ok([bytes_of(&[head]), &disc_bytes(discs, widths)?].concat())
 }

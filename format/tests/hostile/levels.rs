@@ -5,7 +5,7 @@ use dermis_format::record::DiscGroup;
 use dermis_format::section::{Section, head, preamble};
 use dermis_format::source::{Gaussians, Source};
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Disc, Discs, Error, Levels, PerLevel, Records, ScaleLaw};
+use dermis_format::{Avatar, Disc, DiscWidths, Discs, Error, Levels, PerLevel, Records, ScaleLaw};
 
 use crate::avatars::{
     add_levels, full, harmonics, levels, many_levels, many_shapes, narrow, opacities, shapes,
@@ -166,6 +166,28 @@ fn shapes_are_of_the_level_before() {
     let mut source = shapes();
     source.regions[0].levels[2][4].color[1] += 0.1;
     assert_eq!(kinds(&source), [(LEVL, 0, 2), (LEVL, 0, 3), (LEVL, 0, 3), (SHAP, 1, 2)]);
+}
+
+/// Records of a level that happen to have no bits but for scales and opacity are no shape: other numbers are the middle of their group.
+#[test]
+fn records_without_bits_are_no_shapes() {
+    let mut source = levels();
+    source.widths = vec![DiscWidths::default().of_shape(); 4];
+    let bytes = encode(&source).unwrap();
+    let avatar = Avatar::parse(&bytes).unwrap();
+    let levels: Vec<_> = avatar.levels().collect();
+    assert_eq!(levels.len(), 4);
+    for level in levels {
+        assert_eq!(level.tag, LEVL);
+        let places = level.first as usize..(level.first + level.count) as usize;
+        let region = &source.regions[usize::from(level.region)];
+        let written = &region.levels[usize::from(level.level) - 1][places];
+        let x = |pick: fn(f32, f32) -> f32| written.iter().map(|d| d.position[0]).reduce(pick);
+        let middle = (x(f32::min).unwrap() + x(f32::max).unwrap()) / 2.0;
+        for disc in level.discs.iter() {
+            assert!((disc.position[0] - middle).abs() <= 0.01 * middle.abs(), "{middle}: {disc:?}");
+        }
+    }
 }
 
 /// A run is of one kind, and a shape has no bits for other numbers.
