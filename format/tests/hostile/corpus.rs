@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use dermis_format::section::tag;
 use dermis_format::writer::encode;
 use dermis_format::{Avatar, PerLevel, RecordKind};
 
@@ -39,6 +40,7 @@ fn the_fuzzers_corpus_is_of_every_kind() {
         }
         let (mut discs, mut fulls, mut levels, mut opacities) = (0, 0, 0, 0);
         let (mut harmonics, mut clips, mut morphs, mut regions) = (0, 0, 0, 0);
+        let mut shapes = 0;
         for entry in std::fs::read_dir(&folder).unwrap() {
             let path = entry.unwrap().path();
             if path.extension().is_none_or(|extension| extension != "seed") {
@@ -54,13 +56,14 @@ fn the_fuzzers_corpus_is_of_every_kind() {
             discs += usize::from(is_disc);
             fulls += usize::from(!is_disc);
             levels += usize::from(header.per_level == PerLevel::All);
+            shapes += usize::from(avatar.levels().any(|level| level.tag == tag::SHAPE));
             opacities += usize::from(header.per_level == PerLevel::Opacity);
             harmonics += usize::from(header.harmonics_degree == 3);
             clips += usize::from(header.clips > 0);
             morphs += usize::from(header.morph_targets > 0);
             regions += usize::from(header.regions > 1);
         }
-        let kinds = [discs, fulls, levels, opacities, harmonics, clips, morphs, regions];
+        let kinds = [discs, fulls, levels, shapes, opacities, harmonics, clips, morphs, regions];
         assert!(kinds.iter().all(|&files| files > 0), "{target}: {kinds:?}");
     }
 }
