@@ -68,6 +68,16 @@ struct Neighbours<'a> {
     sigmas: &'a [f32],
 }
 
+/// The same neighbours at the level of a picture, and at those beside it that move with it.
+struct Around<'a> {
+    here: Neighbours<'a>,
+    below: Option<Neighbours<'a>>,
+    /// A shape of `here`.
+    above: Option<Neighbours<'a>>,
+    /// Whether `here` is a shape of `below`.
+    is_shape: bool,
+}
+
 impl Mover<'_> {
     /// Moves the Gaussians of `forward` that are of the region, given the gradients by all of its splats.
     pub fn advance(
@@ -105,40 +115,36 @@ impl Mover<'_> {
         let below =
             below.filter(|_| is_shape || self.prefix.lower_share > 0.0).into_iter().flatten();
         let above = levels.next().filter(|_| is_base).into_iter().flatten();
-        let beside = below.map(Some).chain(repeat_with(|| None));
-        let beside = beside.zip(above.map(Some).chain(repeat_with(|| None)));
-        let tasks: Vec<_> = level.zip(beside).collect();
+        let below = below.map(Some).chain(repeat_with(|| None));
+        let above = above.map(Some).chain(repeat_with(|| None));
+        let tasks = level.zip(below.zip(above)).map(|(here, (below, above))| Around {
+            here,
+            below,
+            above,
+            is_shape,
+        });
+        let tasks: Vec<_> = tasks.collect();
         let sources = &forward.sources[self.drawn.clone()];
-        tasks.into_par_iter().enumerate().for_each(
-            |(chunk, (mut here, (mut below, mut above)))| {
-                let first = chunk * CHUNK;
-                let place = |index| {
-                    self.drawn.start + sources.partition_point(|&source| (source as usize) < index)
-                };
-                let drawn = place(first)..place(first + here.parameters.len());
-                for start in drawn.clone().step_by(BATCH) {
-                    let drawn = start..drawn.end.min(start + BATCH);
-                    let discs = by_discs.of(drawn.clone());
-                    let moves = drawn.clone().zip(&discs);
-                    let levels = (&mut here, &mut below);
-                    widest(
-                        #[inline(always)]
-                        || self.step_all(moves, forward, first, freedoms, levels, is_shape),
-                    );
-                    if let Some(above) = &mut above {
-                        for &source in &forward.sources[drawn] {
-                            let at = source as usize - first;
-                            above.parameters[at] =
-                                here.parameters[at].shaped(&above.parameters[at]);
-                        }
-                    }
-                }
-            },
-        );
+        tasks.into_par_iter().enumerate().for_each(|(chunk, mut around)| {
+            let first = chunk * CHUNK;
+            let place = |index| {
+                self.drawn.start + sources.partition_point(|&source| (source as usize) < index)
+            };
+            let drawn = place(first)..place(first + around.here.parameters.len());
+            for start in drawn.clone().step_by(BATCH) {
+                let drawn = start..drawn.end.min(start + BATCH);
+                let discs = by_discs.of(drawn.clone());
+                let moves = drawn.zip(&discs);
+                widest(
+                    #[inline(always)]
+                    || self.step_all(moves, forward, first, freedoms, &mut around),
+                );
+            }
+        });
     }
 
-    /// Moves neighbours, of which the first is Gaussian `first`, at the level of the picture, which may be a shape, and,
-    /// where they are there, at the one below.
+    /// Moves neighbours, of which the first is Gaussian `first`, at the level of the picture and, where they are
+    /// there, at the one below; what a shape shares is the same at both of its levels before and after.
     #[inline(always)]
     fn step_all<'d>(
         &self,
@@ -146,27 +152,30 @@ impl Mover<'_> {
         forward: &Forward,
         first: usize,
         freedoms: &[Freedom],
-        (here, below): (&mut Neighbours<'_>, &mut Option<Neighbours<'_>>),
-        is_shape: bool,
+        around: &mut Around<'_>,
     ) {
         let share = self.prefix.lower_share;
+        let Around { here, below, above, is_shape } = around;
         for (drawn, by) in moves {
             let index = forward.sources[drawn] as usize;
             let (at, freedom) = (index - first, freedoms[index]);
-            let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) else {
+            if let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) {
+                let before = here.parameters[at];
+                self.step(here, at, by, 1.0 - share, freedom);
+                if *is_shape {
+                    below.parameters[at].pull([&before, &here.parameters[at]], PULL);
+                }
+                if share > 0.0 {
+                    self.step(below, at, by, share, freedom);
+                }
+                if *is_shape {
+                    here.parameters[at] = below.parameters[at].shaped(&here.parameters[at]);
+                }
+            } else {
                 self.step(here, at, by, 1.0, freedom);
-                continue;
-            };
-            let before = here.parameters[at];
-            self.step(here, at, by, 1.0 - share, freedom);
-            if is_shape {
-                below.parameters[at].pull([&before, &here.parameters[at]], PULL);
             }
-            if share > 0.0 {
-                self.step(below, at, by, share, freedom);
-            }
-            if is_shape {
-                here.parameters[at] = below.parameters[at].shaped(&here.parameters[at]);
+            if let Some(above) = above {
+                above.parameters[at] = here.parameters[at].shaped(&above.parameters[at]);
             }
         }
     }
