@@ -1,4 +1,4 @@
-//! The `.dermis` container, version 2: a layered Gaussian avatar bound to a skinned mesh.
+//! The `.dermis` container, version 3: a layered Gaussian avatar bound to a skinned mesh.
 //!
 //! The bytes are normative in `SPEC.md`; this crate is one program that reads and writes them.
 //! Reading is `no_std`, needs no heap and copies nothing: [`Avatar::parse`] checks every length,

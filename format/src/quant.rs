@@ -11,7 +11,7 @@ pub struct Disc<F = f32> {
     /// Along the frame's axes. Area: x, y in the triangle's plane, z along its normal. Edge: x, z in
     /// the plane, y along the normal. World: the world's axes, metres.
     pub position: [F; 3],
-    /// From the frame's x to the first axis, radians in [0, π).
+    /// From the frame's x to the first axis, radians. After a quarter turn the axes have changed places: files have it in [0, π/2).
     pub angle: F,
     /// log₂ of the standard deviations along the two axes.
     pub log2_scale: [F; 2],
@@ -38,6 +38,23 @@ impl<F: Copy> Disc<F> {
             color: self.color.map(&f),
             opacity: f(self.opacity),
         }
+    }
+}
+
+impl Disc {
+    /// The same disc by an angle in [0, π/2), and whether its scales have changed places for it.
+    pub fn upright(self) -> (Self, bool) {
+        let quarters = libm::floorf(self.angle * core::f32::consts::FRAC_2_PI);
+        let is_turned = quarters % 2.0 != 0.0;
+        let angle = self.angle - quarters * core::f32::consts::FRAC_PI_2;
+        let disc = if is_turned { self.exchanged() } else { self };
+        (Self { angle, ..disc }, is_turned)
+    }
+
+    /// Its scales in each other's place.
+    pub fn exchanged(self) -> Self {
+        let [s, t] = self.log2_scale;
+        Self { log2_scale: [t, s], ..self }
     }
 }
 
@@ -128,10 +145,10 @@ pub fn rooted([x, y, z]: [f32; 3]) -> [f32; 3] {
     [x, y, libm::cbrtf(z)]
 }
 
-/// Radians per code of a disc's angle of `bits` bits: π / 2^bits, exact but for π.
+/// Radians per code of a disc's angle of `bits` bits: π/2 / 2^bits, exact but for π.
 #[inline(always)]
 pub fn angle_step(bits: u8) -> f32 {
-    core::f32::consts::PI / (1u32 << (bits & 31)) as f32
+    core::f32::consts::FRAC_PI_2 / (1u32 << (bits & 31)) as f32
 }
 
 /// The last code of `bits` bits, at most 8.
@@ -180,7 +197,7 @@ impl DiscGroup {
         let [x, y, root] = decode_each(&self.position, codes.position, &constant);
         Disc {
             position: [x, y, root * root * root],
-            angle: codes.angle * constant(angle_step(angle_bits)),
+            angle: (codes.angle + constant(0.5)) * constant(angle_step(angle_bits)),
             log2_scale: [
                 self.log2_scale.decode(s, &constant),
                 self.log2_scale.decode(t, &constant),
@@ -190,13 +207,12 @@ impl DiscGroup {
         }
     }
 
-    /// Encodes a disc whose values lie in this group's ranges.
+    /// Encodes an [upright](Disc::upright) disc whose values lie in this group's ranges.
     pub fn encode(&self, disc: &Disc, layout: DiscLayout) -> Disc<u16> {
         let widths = layout.widths();
-        // One more than the last code is π, which is 0 again.
-        let rest = disc.angle % core::f32::consts::PI;
-        let turn = if rest < 0.0 { rest + core::f32::consts::PI } else { rest };
-        let angle = (turn / angle_step(widths.angle) + 0.5) as u16 & last_code(widths.angle);
+        // A code stands for the middle of its step. What rounding made a little less than 0 saturates.
+        let angle = (disc.angle / angle_step(widths.angle)) as u16;
+        let angle = angle.min(last_code(widths.angle));
         let ycocg = ycocg_of_rgb(disc.color);
         let code = |range: ShortRange, value: f32, bits: u8| range.code(value, last_code(bits));
         let position = rooted(disc.position);

@@ -5,7 +5,7 @@ use crate::error::{Error, malformed};
 /// The first bytes of a file. The line ending shows transfers that rewrite text.
 pub const MAGIC: [u8; 8] = *b"DERMIS\r\n";
 /// The version this crate reads and writes.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// Byte ranges of the preamble.
 pub mod preamble {
@@ -35,7 +35,7 @@ pub mod head {
     pub const LEN: usize = 12;
 }
 
-/// Tags of the sections that version 2 knows. Others are skipped.
+/// Tags of the sections that version 3 knows. Others are skipped.
 pub mod tag {
     /// Vertex positions.
     pub const VERTICES: [u8; 4] = *b"VERT";

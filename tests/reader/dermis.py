@@ -41,7 +41,7 @@ def bf16(halves):
     return f32(struct.unpack(f"<{len(halves)}f", b"".join(bytes(2) + half for half in halves)))
 
 
-PI, COMPONENT, PART = f32([math.pi, f32([math.sqrt(0.5)])[0] / 511, 1 / 255])
+HALF_PI, COMPONENT, PART = f32([math.pi / 2, f32([math.sqrt(0.5)])[0] / 511, 1 / 255])
 
 
 class Bytes:
@@ -119,7 +119,7 @@ def read(data, prefix=False):
     b = Bytes(data, "preamble")
     b.need(b.take(8) == b"DERMIS\r\n", "not a .dermis file")
     version, size, crc = b.numbers("HHI")
-    b.need(version == 2, f"version {version} is unknown")
+    b.need(version == 3, f"version {version} is unknown")
     payload = b.take(size)
     b.need(zlib.crc32(payload, zlib.crc32(data[:12])) == crc, "wrong CRC")
     h = read_header(Bytes(payload, "header"))
@@ -435,7 +435,7 @@ def read_discs(b, n, is_shape=False):
         "x": value(0, 0),
         "y": value(1, 1),
         "z": f32([square * r for square, r in zip(f32([r * r for r in root]), root)]),
-        "angle": f32([turn / (1 << widths[3]) for turn in f32([code * PI for code in angle])]),
+        "angle": f32([turn / (1 << widths[3]) for turn in f32([(code + 0.5) * HALF_PI for code in angle])]),
         "scale 0": value(4, 3),
         "scale 1": value(5, 3),
         **colour,

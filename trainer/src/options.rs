@@ -111,6 +111,7 @@ impl Options {
                 least: 1.0 / 64.0,
                 afar: [0.35, 0.35, 1.0],
                 apart: 0.25,
+                flatten: [0.005, 0.06, 0.1],
             },
             detail: Detail::default(),
             regions: Vec::new(),

@@ -57,10 +57,10 @@ impl<'a> Earlier<'a> {
     pub(super) fn map(&self, payload: &[u8], group: usize) -> CodeMap {
         let last = u32::from(last_code(self.width()));
         if self.number == ANGLE {
-            // Half turns are whole: codes differ by a power of two, and wrap.
+            // Codes differ by a power of two, stand for the middles of their steps, and wrap with a quarter turn.
             let from = self.discs.layout().widths().angle;
             let scale = (1u32 << self.widths.angle) as f32 / (1u32 << from) as f32;
-            return CodeMap { scale, offset: 0.5, last, wraps: true };
+            return CodeMap { scale, offset: 0.5 * scale, last, wraps: true };
         }
         let at = self.groups + group * size_of::<DiscGroup>();
         let here = payload.get(at..).and_then(|bytes| take_plane::<DiscGroup>(bytes, 1));
@@ -106,7 +106,7 @@ fn range(group: &DiscGroup, number: usize) -> (f32, f32) {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CodeMap {
     scale: f32,
-    /// And a half, to round.
+    /// And a half, to round; of angles, half of what a code becomes.
     offset: f32,
     last: u32,
     wraps: bool,

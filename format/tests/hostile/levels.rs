@@ -40,16 +40,17 @@ fn decoded(discs: Discs<'_>) -> Vec<(Disc, DiscGroup)> {
 /// Within half a step of each range.
 fn assert_near(found: &[(Disc, DiscGroup)], expected: &[Disc]) {
     assert_eq!(found.len(), expected.len());
+    let expected = expected.iter().map(|disc| disc.upright().0);
     for ((found, group), expected) in found.iter().zip(expected) {
         let near = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.51 * step + 1e-6;
-        let [found_position, expected_position] = [found, expected].map(|d| rooted(d.position));
+        let [found_position, expected_position] = [*found, expected].map(|d| rooted(d.position));
         for i in 0..3 {
             assert!(near(found_position[i], expected_position[i], group.position[i].step.get()));
         }
         for i in 0..2 {
             assert!(near(found.log2_scale[i], expected.log2_scale[i], group.log2_scale.step.get()));
         }
-        assert!(near(found.angle, expected.angle, core::f32::consts::PI / 256.0));
+        assert!(near(found.angle, expected.angle, core::f32::consts::FRAC_PI_2 / 256.0));
         assert!(near(found.opacity, expected.opacity, group.opacity.step.get()));
     }
 }

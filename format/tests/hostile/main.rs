@@ -34,7 +34,7 @@ fn fix_crcs(bytes: &mut [u8]) {
 
 /// A preamble and a header in front of `sections`, with right CRCs.
 fn file(header: &[u8], sections: &[([u8; 4], &[u8])]) -> Vec<u8> {
-    let mut bytes = b"DERMIS\r\n\x02\0".to_vec();
+    let mut bytes = b"DERMIS\r\n\x03\0".to_vec();
     bytes.extend((header.len() as u16).to_le_bytes());
     bytes.extend([0; 4]);
     bytes.extend(header);
@@ -312,7 +312,7 @@ fn unknown_versions_are_refused_and_unknown_sections_skipped() {
     bytes.pop();
     bytes.push(b'!');
     assert_eq!(Avatar::parse(&bytes).unwrap_err(), Error::Damaged { place: "unknown section" });
-    for found in [0, 1, 3] {
+    for found in [0, 1, 2, 4] {
         bytes[8] = found;
         let error = Avatar::parse(&bytes).unwrap_err();
         assert_eq!(error, Error::Version { found: found.into() });
@@ -506,7 +506,7 @@ proptest! {
     #[test]
     fn soup_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         parse_and_walk(&bytes);
-        let mut led = b"DERMIS\r\n\x02\0".to_vec();
+        let mut led = b"DERMIS\r\n\x03\0".to_vec();
         led.extend(&bytes);
         parse_and_walk(&led);
         fix_crcs(&mut led);

@@ -37,6 +37,8 @@ pub struct Rates {
     pub logit: f32,
     /// sRGB.
     pub color: f32,
+    /// By which z goes to 0 beside its step, in standard deviations of the Gaussian.
+    pub flatten: f32,
 }
 
 impl Rates {
@@ -48,6 +50,7 @@ impl Rates {
             log2_scale: self.log2_scale * factor,
             logit: self.logit * factor,
             color: self.color * factor,
+            flatten: self.flatten * factor,
         }
     }
 

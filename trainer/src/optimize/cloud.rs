@@ -67,6 +67,12 @@ impl Parameters {
         pull(&mut self.angle, from.angle, to.angle);
     }
 
+    /// Moves it to the plane of its triangle, by so much at most.
+    pub fn flatten(&mut self, by: f32) {
+        let [.., z] = &mut self.position;
+        *z = (z.abs() - by).max(0.0).copysign(*z);
+    }
+
     /// As the file stores it.
     pub fn disc(&self) -> Disc {
         Disc {

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use dermis_format::{Disc, LowPass};
 use dermis_runtime::Camera;
+use dermis_runtime::mix::{is_odd, quarters};
 use dermis_runtime::project::View;
 use rayon::prelude::*;
 
@@ -161,11 +162,13 @@ impl Mover<'_> {
             let (at, freedom) = (index - first, freedoms[index]);
             if let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) {
                 let before = here.parameters[at];
+                let quarters = quarters(before.angle, below.parameters[at].angle);
                 self.step(here, at, by, 1.0 - share, freedom);
                 if *is_shape {
                     below.parameters[at].pull([&before, &here.parameters[at]], PULL);
                 }
                 if share > 0.0 {
+                    let by = if is_odd(quarters) { &by.exchanged() } else { by };
                     self.step(below, at, by, share, freedom);
                 }
                 if *is_shape {
@@ -194,6 +197,9 @@ impl Mover<'_> {
         let gradient = gradient.to_array().map(|g| share * g);
         if gradient.iter().all(|g| g.is_finite()) {
             all.moments[at].step(parameters, &gradient, all.rates, all.sigmas[at]);
+            if freedom == Freedom::Free {
+                parameters.flatten(all.rates.flatten * all.sigmas[at]);
+            }
         }
     }
 }

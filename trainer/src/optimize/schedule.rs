@@ -1,6 +1,6 @@
 //! How long, how fast, and which prefix.
 
-use core::slice;
+use core::{iter, slice};
 
 use serde::{Deserialize, Serialize};
 
@@ -97,6 +97,10 @@ pub struct Nested {
     pub afar: [f32; 3],
     /// Share of the steps in which each region draws what it draws by itself; in the others all have the same share.
     pub apart: f32,
+    /// A price on the distance from the triangle, for the last level, the one before, and all others: of the step that Adam
+    /// makes where gradients agree, so much goes to the plane, by a proximal step of |z| (Parikh & Boyd 2014, 6.5.2). Views
+    /// say little of that distance, and those of few steps the least: without a price it is noise (notes/training.md).
+    pub flatten: [f32; 3],
 }
 
 impl Schedule {
@@ -109,8 +113,14 @@ impl Schedule {
     /// fast for longer: their rates fall in a straight line to nothing.
     pub fn rates_of_levels(&self, step: u32, cloud: &Cloud) -> Vec<Rates> {
         let mut rates = vec![self.rates_at(step); cloud.levels.len()];
-        if let (Prefixes::Nested(_), [earlier @ .., _]) = (self.prefixes, &mut rates[..]) {
+        let Prefixes::Nested(nested) = self.prefixes else { return rates };
+        if let [earlier @ .., _] = &mut rates[..] {
             earlier.fill(self.rates.times(1.0 - self.progress(step)));
+        }
+        let [last, base, coarser] = nested.flatten;
+        let prices = [last, base].into_iter().chain(iter::repeat(coarser));
+        for (rates, price) in rates.iter_mut().rev().zip(prices) {
+            rates.flatten = price * rates.position;
         }
         rates
     }
@@ -225,7 +235,14 @@ fn earlier_level(n: u32, random: &mut Random) -> usize {
 impl Default for Rates {
     /// Found by trial on `valid_male.glb`.
     fn default() -> Self {
-        Self { position: 0.05, angle: 0.03, log2_scale: 0.115, logit: 0.05, color: 0.01 }
+        Self {
+            position: 0.05,
+            angle: 0.03,
+            log2_scale: 0.115,
+            logit: 0.05,
+            color: 0.01,
+            flatten: 0.0,
+        }
     }
 }
 
@@ -245,7 +262,11 @@ mod tests {
             let rate = alone.rates_at(step);
             assert_eq!(alone.rates_of_levels(step, &cloud), [rate; 3]);
             assert_eq!(level.rates_of_levels(step, &cloud), [rate; 3]);
-            let [first, second, last] = nested.rates_of_levels(step, &cloud)[..] else {
+            let rates = nested.rates_of_levels(step, &cloud);
+            let prices = rates.iter().map(|rates| rates.flatten / rates.position).rev();
+            assert!(prices.zip(options.nested.flatten).all(|(a, b)| (a - b).abs() < 1e-6));
+            let free = rates.iter().map(|rates| Rates { flatten: 0.0, ..*rates });
+            let [first, second, last] = free.collect::<Vec<_>>()[..] else {
                 panic!("a rate for each level")
             };
             assert_eq!((first, last), (second, rate));
