@@ -54,3 +54,64 @@ pub fn is_odd<R: Real>(quarters: R) -> R::Mask {
     let half = quarters * quarters.like(0.5);
     quarters.like(0.25).below((half - half.nearest()).abs())
 }
+
+#[cfg(test)]
+mod tests {
+    use core::f32::consts::PI;
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Of the ellipse that a disc is in its plane: xx, xy and yy of its covariance.
+    fn covariance(disc: &Disc) -> [f32; 3] {
+        let ([s, t], [sin, cos]) =
+            (disc.log2_scale.map(|log2| libm::exp2f(2.0 * log2)), disc.angle.line());
+        [s * cos * cos + t * sin * sin, (s - t) * sin * cos, s * sin * sin + t * cos * cos]
+    }
+
+    fn is_near(a: &Disc, b: &Disc) -> bool {
+        covariance(a).iter().zip(covariance(b)).all(|(a, b)| (a - b).abs() < 1e-4)
+    }
+
+    fn discs() -> impl Strategy<Value = Disc> {
+        (-7.0f32..7.0, [-2.0f32..0.0, -2.0..0.0]).prop_map(|(angle, log2_scale)| Disc {
+            angle,
+            log2_scale,
+            ..Disc::default()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn the_way_leads_from_one_disc_to_the_other(upper in discs(), lower in discs()) {
+            prop_assert!(is_near(&mixed(&upper, &lower, 0.0), &upper));
+            prop_assert!(is_near(&mixed(&upper, &lower, 1.0), &lower));
+            prop_assert!((mixed(&upper, &lower, 1.0).angle - upper.angle).abs() < PI / 4.0 + 1e-4);
+        }
+
+        #[test]
+        fn the_way_is_the_same_by_any_angle_of_a_disc(
+            upper in discs(), lower in discs(), share in 0.0f32..1.0, turns in 0u8..4,
+        ) {
+            // Half way between two quarter turns either way is as near.
+            let apart = (lower.angle - upper.angle) * FRAC_2_PI;
+            prop_assume!((apart - libm::floorf(apart) - 0.5).abs() > 1e-3);
+            let turned = (0..turns).fold(lower, |disc, _| {
+                Disc { angle: disc.angle + FRAC_PI_2, ..disc.exchanged() }
+            });
+            prop_assert!(is_near(&mixed(&upper, &turned, share), &mixed(&upper, &lower, share)));
+            let way = |upper: Disc| mixed(&upper, &lower, share);
+            prop_assert!(is_near(&way(upper.upright().0), &way(upper)));
+        }
+
+        #[test]
+        fn an_upright_disc_is_the_same_one(disc in discs()) {
+            let (upright, _) = disc.upright();
+            prop_assert!((-1e-6..FRAC_PI_2 + 1e-6).contains(&upright.angle));
+            prop_assert!(is_near(&upright, &disc));
+        }
+    }
+}

@@ -74,18 +74,13 @@ pub struct Options {
     pub memory_bytes: u64,
 }
 
-/// Of the training views, by rounding alone. Of all Gaussians on new views, after the last steps, 0.1 costs 0.08 dB to
-/// the same numbers in floats, 0.16 costs 0.10, 0.25 costs 0.16 (valid_male.glb, 75,000, preset draft, 540×540, `dermis
-/// reproduce formats`).
-pub const MAX_LOSS_DB: f32 = 0.16;
-
 impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
-        let (steps, survey_steps, key_frames, size) = match preset {
-            Preset::Draft => (1_600, 150, 4, 540),
-            Preset::Default => (13_600, 300, 20, 540),
-            Preset::Best => (9_400, 300, 20, 1080),
+        let (steps, survey_steps, key_frames, size, max_loss_db) = match preset {
+            Preset::Draft => (1_600, 150, 4, 540, 0.16),
+            Preset::Default => (13_600, 300, 20, 540, 0.3),
+            Preset::Best => (9_400, 300, 20, 1080, 0.3),
         };
         Self {
             method: Method::Dermis,
@@ -101,7 +96,7 @@ impl Options {
             background: [1.0; 3],
             warm_up: 0.1,
             finish: 0.05,
-            max_loss_db: MAX_LOSS_DB,
+            max_loss_db,
             loss: Loss::default(),
             blend_price: 0.0,
             per_level: true,

@@ -11,7 +11,7 @@ use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::eval::Row;
 use dermis_trainer::import;
 use dermis_trainer::model::Model;
-use dermis_trainer::options::{MAX_LOSS_DB, Options, Preset};
+use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::reproduce::{self, Measure, face_lod, formats, lapisgs, lodavatar};
 use serde::Serialize;
 
@@ -49,9 +49,9 @@ pub(crate) struct Arguments {
     /// face-lod: meshes, the first Gaussians standing on coarser ones.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     mesh_levels: u32,
-    /// What the few bits of the file's numbers may cost a level, dB.
-    #[arg(long, default_value_t = MAX_LOSS_DB, value_name = "X", value_parser = super::not_negative)]
-    max_loss_db: f32,
+    /// What the few bits of the file's numbers may cost a level, dB [default: of the preset].
+    #[arg(long, value_name = "X", value_parser = super::not_negative)]
+    max_loss_db: Option<f32>,
     /// lodavatar: leave out avatars of more Gaussians.
     #[arg(long, default_value_t = 1_500_000, value_name = "N")]
     greatest: u32,
@@ -114,7 +114,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         views: arguments.views,
         size: arguments.size.unwrap_or(preset.size),
         seed: common.seed,
-        max_loss_db: arguments.max_loss_db,
+        max_loss_db: arguments.max_loss_db.unwrap_or(preset.max_loss_db),
         mesh_levels: arguments.mesh_levels,
         ..preset
     };

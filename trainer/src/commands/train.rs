@@ -12,7 +12,7 @@ use dermis_trainer::embed::hierarchy::gaussians_of;
 use dermis_trainer::methods::{Culling, Method};
 use dermis_trainer::model::Model;
 use dermis_trainer::movements::Edit;
-use dermis_trainer::options::{MAX_LOSS_DB, Options, Preset};
+use dermis_trainer::options::{Options, Preset};
 use dermis_trainer::{import, output, train};
 use serde::Serialize;
 
@@ -50,9 +50,9 @@ pub(crate) struct Arguments {
     /// What a blend in each pixel adds to the loss, say 0.001: pictures that are cheaper to draw.
     #[arg(long, default_value_t = 0.0, value_name = "X", value_parser = super::not_negative)]
     blend_price: f32,
-    /// PSNR that the few bits of the file's numbers may cost, dB; 0: 8 bits for each number.
-    #[arg(long, default_value_t = MAX_LOSS_DB, value_name = "DB", value_parser = super::not_negative)]
-    max_loss_db: f32,
+    /// PSNR that the few bits of the file's numbers may cost, dB; 0: 8 bits for each number [default: of the preset].
+    #[arg(long, value_name = "DB", value_parser = super::not_negative)]
+    max_loss_db: Option<f32>,
     /// Directions from which each key frame is seen.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=42))]
     views: Option<u32>,
@@ -168,7 +168,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         steps: arguments.steps.unwrap_or(preset.steps),
         survey_steps: arguments.survey_steps.unwrap_or(preset.survey_steps),
         blend_price: arguments.blend_price,
-        max_loss_db: arguments.max_loss_db,
+        max_loss_db: arguments.max_loss_db.unwrap_or(preset.max_loss_db),
         views: arguments.views.unwrap_or(preset.views),
         key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
         size: arguments.size.unwrap_or(preset.size),

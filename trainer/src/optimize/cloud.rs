@@ -293,3 +293,20 @@ impl Prefix {
         cloud.levels[lower].get(index)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flattening_ends_at_the_plane() {
+        for (z, by, expected) in
+            [(0.5, 0.2, 0.3), (-0.5, 0.2, -0.3), (0.1, 0.2, 0.0), (-0.1, 0.2, 0.0), (0.5, 0.0, 0.5)]
+        {
+            let mut parameters = Parameters { position: [1.0, -2.0, z], ..Parameters::default() };
+            parameters.flatten(by);
+            let expected = Parameters { position: [1.0, -2.0, expected], ..Parameters::default() };
+            assert_eq!(parameters, expected);
+        }
+    }
+}
