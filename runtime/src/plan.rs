@@ -216,6 +216,7 @@ impl RegionPlan {
             None => self.log2_scale = prefix_log2_scale(self.count, len),
             Some((lower, lower_len)) if self.count < len => {
                 self.levels.lower = Some(lower);
+                self.log2_scale = arrival_log2_scale(self.count, len);
                 self.lower_share = lower_share(self.count, [lower_len, len]);
             }
             Some(_) => {}
@@ -237,17 +238,28 @@ pub fn prefix_log2_scale(count: u32, len: u32) -> f32 {
     if count == 0 || count >= len { 0.0 } else { 0.5 * libm::log2f(len as f32 / count as f32) }
 }
 
+/// How much of what a prefix would widen them by Gaussians that arrive are widened by: at 0 they leave holes below the middle of the
+/// way between two levels, at 0.6 they hide what is left of the level before above it (trainer/notes/training.md).
+const ARRIVAL: f32 = 0.2;
+
+/// Added to log₂ of the scales of Gaussians that arrive, in a prefix of `count` of the `len` Gaussians of their level, as the others of
+/// them are still missing.
+pub fn arrival_log2_scale(count: u32, len: u32) -> f32 {
+    ARRIVAL * prefix_log2_scale(count, len)
+}
+
 /// How far Gaussians of a level of n′ have gone there from the next one, of n, in a prefix of k, n′ ≤ k ≤ n: in [0, 1].
 ///
-/// Who arrives is as wide as at the level of n, and stands for 1 / n of the surface; the others fill what is left:
-/// were they √(n / n′) times wider at their own level, each would cover (n − (k − n′)) / n′ times as much as at the
+/// Who arrives stands for w / n of the surface, w being the square of what it is [widened](arrival_log2_scale) by; the others fill what is left:
+/// were they √(n / n′) times wider at their own level, each would cover (n − w (k − n′)) / n′ times as much as at the
 /// other one. Of log₂ of that factor the share is the part that is gone.
 pub fn lower_share(count: u32, [lower, upper]: [u32; 2]) -> f32 {
-    let absent = upper.saturating_sub(count);
-    if absent == 0 || lower == 0 {
+    if count >= upper || lower == 0 {
         return 0.0;
     }
-    // Sums in f64: f32 cannot hold counts of more than 2²⁴.
-    let times = |count: u32| (f64::from(count) / f64::from(lower)) as f32;
-    (libm::log2f(1.0 + times(absent)) / libm::log2f(times(upper))).clamp(0.0, 1.0)
+    // In f64: f32 cannot hold counts of more than 2²⁴.
+    let [arrived, lower, all] = [count.saturating_sub(lower), lower, upper].map(f64::from);
+    let wider = f64::from(libm::exp2f(2.0 * arrival_log2_scale(count, upper)));
+    let log2_times = |covered: f64| libm::log2f((covered / lower) as f32);
+    (log2_times(all - wider * arrived) / log2_times(all)).clamp(0.0, 1.0)
 }

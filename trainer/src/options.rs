@@ -78,7 +78,7 @@ impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
         let (steps, survey_steps, key_frames, size, max_loss_db) = match preset {
-            Preset::Draft => (1_600, 150, 4, 540, 0.16),
+            Preset::Draft => (1_600, 150, 4, 540, 0.15),
             Preset::Default => (13_600, 300, 20, 540, 0.24),
             Preset::Best => (9_400, 300, 20, 1080, 0.24),
         };

@@ -2,7 +2,7 @@
 
 use dermis_format::Disc;
 use dermis_runtime::mix::{between, mixed};
-use dermis_runtime::plan::{lower_share, prefix_log2_scale};
+use dermis_runtime::plan::{arrival_log2_scale, lower_share, prefix_log2_scale};
 use serde::{Deserialize, Serialize};
 
 /// Numbers that describe one disc.
@@ -252,7 +252,7 @@ pub struct Prefix {
     pub level: usize,
     /// How far Gaussians of the level below have gone there, in [0, 1).
     pub lower_share: f32,
-    /// Added to log₂ of the scales at the first level.
+    /// Added to log₂ of the scales of Gaussians that have no level below: of all at the first one, else of those that arrive.
     pub log2_scale: f32,
 }
 
@@ -262,14 +262,17 @@ impl Prefix {
         clouds.iter().map(|cloud| Self::of(cloud.len() as u32, cloud)).collect()
     }
 
-    /// The first `count` of a cloud, all of it at most. Those that arrive are as at their level, the others
-    /// [`lower_share`] of the way to the level below; at the first level all arrive, and are wider.
+    /// The first `count` of a cloud, all of it at most. Those that arrive are as at their level, but wider, the others
+    /// [`lower_share`] of the way to the level below; at the first level all arrive.
     pub fn of(count: u32, cloud: &Cloud) -> Self {
         let level = cloud.levels.iter().position(|level| level.len() >= count as usize);
         let level = level.unwrap_or(cloud.levels.len().saturating_sub(1));
         let len_of = |level: usize| cloud.levels.get(level).map_or(0, |level| level.len() as u32);
         let (lower_share, log2_scale) = match level.checked_sub(1) {
-            Some(lower) => (lower_share(count, [len_of(lower), len_of(level)]), 0.0),
+            Some(lower) => {
+                let [lower, upper] = [len_of(lower), len_of(level)];
+                (lower_share(count, [lower, upper]), arrival_log2_scale(count, upper))
+            }
             None => (0.0, prefix_log2_scale(count, len_of(level))),
         };
         Self { count, level, lower_share, log2_scale }
