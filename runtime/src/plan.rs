@@ -14,8 +14,8 @@ pub struct RegionPlan {
     pub level: i32,
     /// Share of the next layer that is drawn, in [0, 1).
     pub fraction: f32,
-    /// Added to log₂ of every scale: ½ log₂(N / k) or 0. With parameters per level: of the first level alone, N being
-    /// its Gaussians.
+    /// Added to log₂ of every scale: ½ log₂(N / k) or 0. With parameters per level: at the first level, N being its
+    /// Gaussians; later of those that arrive, [`arrival_log2_scale`].
     pub log2_scale: f32,
     /// With parameters per level the first level that holds `count` Gaussians, and the one below where
     /// that matters.
