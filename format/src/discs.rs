@@ -5,7 +5,7 @@
 
 use crate::bits::{bits, bytes_for, mask, window};
 use crate::order::GROUP_LEN;
-use crate::quant::{Disc, Linear, Number};
+use crate::quant::{Disc, Linear, Number, last_code};
 use crate::record::{DiscGroup, DiscWidths, ShortRange, take_plane};
 
 /// Most bits of a number.
@@ -217,6 +217,14 @@ impl<'a> Discs<'a> {
     /// Ranges of 256 discs each, in a row.
     pub fn groups(&self) -> &'a [DiscGroup] {
         self.groups
+    }
+
+    /// Greatest log₂ of a scale of each group, as it is drawn.
+    pub fn greatest_log2_scales(&self) -> impl Iterator<Item = f32> + 'a {
+        let own = (self.groups, self.layout);
+        let (groups, layout) = self.shape.map_or(own, |shape| (shape.groups, shape.layout));
+        let last = last_code(layout.widths.scale);
+        groups.iter().map(move |group| group.log2_scale.value(last))
     }
 
     /// The words of disc `index`, and that of its [`Shape`]; zeros beyond the end.

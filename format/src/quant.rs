@@ -1,5 +1,6 @@
 //! Codes to numbers, and back.
 
+use core::f32::consts::{FRAC_PI_2, PI};
 use core::ops::{Add, Mul, Sub};
 
 use crate::discs::DiscLayout;
@@ -42,11 +43,12 @@ impl<F: Copy> Disc<F> {
 }
 
 impl Disc {
-    /// The same disc by an angle in [0, π/2), and whether its scales have changed places for it.
+    /// The same disc by an angle in [0, π/2], and whether its scales have changed places for it.
     pub fn upright(self) -> (Self, bool) {
-        let quarters = libm::floorf(self.angle * core::f32::consts::FRAC_2_PI);
-        let is_turned = quarters % 2.0 != 0.0;
-        let angle = self.angle - quarters * core::f32::consts::FRAC_PI_2;
+        let rest = self.angle % PI;
+        let half_turn = if rest < 0.0 { rest + PI } else { rest };
+        let is_turned = half_turn >= FRAC_PI_2;
+        let angle = if is_turned { half_turn - FRAC_PI_2 } else { half_turn };
         let disc = if is_turned { self.exchanged() } else { self };
         (Self { angle, ..disc }, is_turned)
     }
@@ -148,7 +150,7 @@ pub fn rooted([x, y, z]: [f32; 3]) -> [f32; 3] {
 /// Radians per code of a disc's angle of `bits` bits: π/2 / 2^bits, exact but for π.
 #[inline(always)]
 pub fn angle_step(bits: u8) -> f32 {
-    core::f32::consts::FRAC_PI_2 / (1u32 << (bits & 31)) as f32
+    FRAC_PI_2 / (1u32 << (bits & 31)) as f32
 }
 
 /// The last code of `bits` bits, at most 8.
@@ -210,7 +212,7 @@ impl DiscGroup {
     /// Encodes an [upright](Disc::upright) disc whose values lie in this group's ranges.
     pub fn encode(&self, disc: &Disc, layout: DiscLayout) -> Disc<u16> {
         let widths = layout.widths();
-        // A code stands for the middle of its step. What rounding made a little less than 0 saturates.
+        // A code stands for the middle of its step; what rounding made π/2 is of the last one.
         let angle = (disc.angle / angle_step(widths.angle)) as u16;
         let angle = angle.min(last_code(widths.angle));
         let ycocg = ycocg_of_rgb(disc.color);

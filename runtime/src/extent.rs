@@ -45,9 +45,8 @@ impl Reach {
     fn add_discs(&mut self, discs: &Discs<'_>, log2_factor: f32) {
         let widths = discs.layout().widths();
         let [x, y, z] = widths.position.map(last_code);
-        for group in discs.groups() {
+        for (group, scale) in discs.groups().iter().zip(discs.greatest_log2_scales()) {
             let [a, b, c] = group.position;
-            let scale = group.log2_scale.value(last_code(widths.scale));
             let root = greatest(c, z);
             let furthest = [greatest(a, x), greatest(b, y), root * root * root];
             self.add(furthest, scale + log2_factor);

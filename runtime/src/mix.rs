@@ -42,10 +42,13 @@ fn toward<R: Real, const N: usize>(upper: [R; N], lower: [R; N], share: R) -> [R
     mixed
 }
 
+/// Codes of angles are 2⁻⁹ quarter turns apart, or a multiple: this makes none of them half way between two.
+const OFF_TIES: f32 = 1.0 / 2048.0;
+
 /// Quarter turns, a whole number of them, from nearest to the angle `from` to the angle `to`.
 #[inline(always)]
 pub fn quarters<R: Real>(from: R, to: R) -> R {
-    ((to - from) * from.like(FRAC_2_PI)).nearest()
+    ((to - from) * from.like(FRAC_2_PI) - from.like(OFF_TIES)).nearest()
 }
 
 /// Whether so many quarter turns exchange the scales of a disc.
@@ -89,7 +92,7 @@ mod tests {
         fn the_way_leads_from_one_disc_to_the_other(upper in discs(), lower in discs()) {
             prop_assert!(is_near(&mixed(&upper, &lower, 0.0), &upper));
             prop_assert!(is_near(&mixed(&upper, &lower, 1.0), &lower));
-            prop_assert!((mixed(&upper, &lower, 1.0).angle - upper.angle).abs() < PI / 4.0 + 1e-4);
+            prop_assert!((mixed(&upper, &lower, 1.0).angle - upper.angle).abs() < PI / 4.0 + 1e-3);
         }
 
         #[test]
@@ -110,8 +113,11 @@ mod tests {
         #[test]
         fn an_upright_disc_is_the_same_one(disc in discs()) {
             let (upright, _) = disc.upright();
-            prop_assert!((-1e-6..FRAC_PI_2 + 1e-6).contains(&upright.angle));
+            prop_assert!((0.0..=FRAC_PI_2).contains(&upright.angle));
             prop_assert!(is_near(&upright, &disc));
+            // Far round, as well as an f32 says where.
+            let far = Disc { angle: 100.0 * disc.angle, ..disc };
+            prop_assert!(is_near(&far.upright().0, &far));
         }
     }
 }

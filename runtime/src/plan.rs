@@ -254,12 +254,12 @@ pub fn arrival_log2_scale(count: u32, len: u32) -> f32 {
 /// were they √(n / n′) times wider at their own level, each would cover (n − w (k − n′)) / n′ times as much as at the
 /// other one. Of log₂ of that factor the share is the part that is gone.
 pub fn lower_share(count: u32, [lower, upper]: [u32; 2]) -> f32 {
-    if count >= upper || lower == 0 {
+    if count >= upper || lower >= upper || lower == 0 {
         return 0.0;
     }
-    // In f64: f32 cannot hold counts of more than 2²⁴.
+    // In f64: f32 cannot hold counts of more than 2²⁴, nor tell neighbours among them apart.
     let [arrived, lower, all] = [count.saturating_sub(lower), lower, upper].map(f64::from);
-    let wider = f64::from(libm::exp2f(2.0 * arrival_log2_scale(count, upper)));
-    let log2_times = |covered: f64| libm::log2f((covered / lower) as f32);
-    (log2_times(all - wider * arrived) / log2_times(all)).clamp(0.0, 1.0)
+    let wider = libm::exp2(2.0 * f64::from(arrival_log2_scale(count, upper)));
+    let log2_times = |covered: f64| libm::log2(covered / lower);
+    (log2_times(all - wider * arrived) / log2_times(all)).clamp(0.0, 1.0) as f32
 }

@@ -57,19 +57,19 @@ impl<'a> Earlier<'a> {
     pub(super) fn map(&self, payload: &[u8], group: usize) -> CodeMap {
         let last = u32::from(last_code(self.width()));
         if self.number == ANGLE {
-            // Codes differ by a power of two, stand for the middles of their steps, and wrap with a quarter turn.
+            // Codes differ by a power of two, and stand for the middles of their steps.
             let from = self.discs.layout().widths().angle;
             let scale = (1u32 << self.widths.angle) as f32 / (1u32 << from) as f32;
-            return CodeMap { scale, offset: 0.5 * scale, last, wraps: true };
+            return CodeMap { scale, offset: 0.5 * scale, last };
         }
         let at = self.groups + group * size_of::<DiscGroup>();
         let here = payload.get(at..).and_then(|bytes| take_plane::<DiscGroup>(bytes, 1));
         let (Some(([here], _)), Some(there)) = (here, self.discs.groups().get(group)) else {
-            return CodeMap { scale: 0.0, offset: 0.0, last, wraps: false };
+            return CodeMap { scale: 0.0, offset: 0.0, last };
         };
         let (from, step) = range(there, self.number);
         let (to, code) = range(here, self.number);
-        CodeMap { scale: step / code, offset: (from - to) / code + 0.5, last, wraps: false }
+        CodeMap { scale: step / code, offset: (from - to) / code + 0.5, last }
     }
 
     /// First bit and width of the number in the earlier record.
@@ -109,14 +109,12 @@ pub(super) struct CodeMap {
     /// And a half, to round; of angles, half of what a code becomes.
     offset: f32,
     last: u32,
-    wraps: bool,
 }
 
 impl CodeMap {
     /// Where a code of the earlier range lies. What is no number is code 0.
     #[inline(always)]
     pub(super) fn apply(&self, code: u32) -> u32 {
-        let there = (code as f32 * self.scale + self.offset) as u32;
-        if self.wraps { there & self.last } else { there.min(self.last) }
+        ((code as f32 * self.scale + self.offset) as u32).min(self.last)
     }
 }

@@ -65,6 +65,29 @@ fn expected(source: &Source, region: usize, level: usize) -> Vec<Disc> {
     [earlier, &own[start as usize..end as usize]].concat()
 }
 
+/// The greatest scale that is said of a group is that of its widest disc, of the shape where there is one.
+#[test]
+fn greatest_scales_are_those_of_what_is_drawn() {
+    for source in [levels(), shapes(), many_shapes()] {
+        let bytes = encode(&source).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        for upper in 0..avatar.header().layers {
+            for block in avatar.blocks_at(|_| Levels { upper, lower: None }) {
+                let discs = discs(block.records);
+                let all: Vec<Disc> = discs.iter().collect();
+                let greatest: Vec<f32> = discs.greatest_log2_scales().collect();
+                assert_eq!(greatest.len(), all.chunks(256).len());
+                for (group, greatest) in all.chunks(256).zip(greatest) {
+                    let widest =
+                        group.iter().flat_map(|disc| disc.log2_scale).fold(f32::MIN, f32::max);
+                    // Ranges reach a little further than what they hold.
+                    assert!(widest <= greatest && greatest - widest < 0.05, "{widest} {greatest}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn levels_return() {
     for source in [levels(), many_levels(), shapes(), many_shapes()] {

@@ -455,8 +455,8 @@ fn discs_are_decoded_alike_one_by_one_and_in_lanes() {
                 for (found, index) in found.into_iter().zip(first..) {
                     let disc = discs.get(index).expect("it is one of 256");
                     let code = index as u32 & ((1 << widths.angle) - 1);
-                    let step = core::f32::consts::PI / (1u32 << widths.angle) as f32;
-                    assert_eq!(disc.angle.to_bits(), (code as f32 * step).to_bits());
+                    let step = core::f32::consts::FRAC_PI_2 / (1u32 << widths.angle) as f32;
+                    assert_eq!(disc.angle.to_bits(), ((code as f32 + 0.5) * step).to_bits());
                     let disc = Disc { opacity: index as f32, ..disc };
                     let expected = Columns::<Discs<'_>, 10>::of::<f32>(&DiscColumns, disc);
                     let [found, expected] = [found, expected].map(|all| all.map(f32::to_bits));
@@ -488,9 +488,9 @@ fn discs_between_levels_are_mixed_alike_one_by_one_and_in_lanes() {
                     let [upper, lower] =
                         [upper, lower].map(|discs| discs.get(index).expect("it is one of 256"));
                     let disc = mixed(&upper, &lower, share);
-                    // The short way: no more than a quarter turn, and to the same line.
-                    assert!((disc.angle - upper.angle).abs() <= 1.571, "{upper:?} {lower:?}");
-                    let rest = (disc.angle - lower.angle) / core::f32::consts::PI;
+                    // The short way: no more than an eighth of a turn, and to the same axes.
+                    assert!((disc.angle - upper.angle).abs() <= 0.787, "{upper:?} {lower:?}");
+                    let rest = (disc.angle - lower.angle) / core::f32::consts::FRAC_PI_2;
                     assert!(share < 1.0 || (rest - rest.round()).abs() < 1e-6, "{disc:?}");
                     let disc = Disc { opacity: index as f32, ..disc };
                     let expected = Columns::<Discs<'_>, 10>::of::<f32>(&DiscColumns, disc);

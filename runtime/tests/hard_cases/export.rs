@@ -152,6 +152,7 @@ fn axes_are_orthogonal_on_frames_of_any_kind() {
 fn a_record_holds_what_its_table_says() {
     let disc = Disc {
         position: [0.25, -0.5, 0.0],
+        // Stored as 0, with its scales exchanged.
         angle: std::f32::consts::FRAC_PI_2,
         log2_scale: [-1.0, -3.0],
         color: [1.0, 0.0, 0.0],
@@ -161,8 +162,8 @@ fn a_record_holds_what_its_table_says() {
     let numbers: [f32; 16] = bytemuck::cast(gaussian);
     let expected = [
         [0.25, -0.5, 0.0, 0.6],
-        [0.0, 0.5, 0.0, 1.0],
-        [-0.125, 0.0, 0.0, 0.0],
+        [0.125, 0.0, 0.0, 1.0],
+        [0.0, 0.5, 0.0, 0.0],
         [0.0, 0.0, 0.0, 0.0],
     ];
     for (found, expected) in numbers.iter().zip(expected.as_flattened()) {

@@ -47,7 +47,7 @@ fn two_discs_turned_and_stacked() {
          |                |\n\
          |                |\n\
          |                |\n\
-         |      ::        |\n\
+         |      :.        |\n\
          |     =+.        |\n\
          |   .*%:         |\n\
          |   +@-          |\n\

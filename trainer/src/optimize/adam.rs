@@ -38,7 +38,7 @@ pub struct Rates {
     /// sRGB.
     pub color: f32,
     /// By which z goes to 0 beside its step, in standard deviations of the Gaussian.
-    pub flatten: f32,
+    pub flatten_step: f32,
 }
 
 impl Rates {
@@ -50,7 +50,7 @@ impl Rates {
             log2_scale: self.log2_scale * factor,
             logit: self.logit * factor,
             color: self.color * factor,
-            flatten: self.flatten * factor,
+            flatten_step: self.flatten_step * factor,
         }
     }
 

@@ -162,6 +162,7 @@ impl Mover<'_> {
             let (at, freedom) = (index - first, freedoms[index]);
             if let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) {
                 let before = here.parameters[at];
+                // Of the picture but for a step or two, and a rounding.
                 let quarters = quarters(before.angle, below.parameters[at].angle);
                 self.step(here, at, by, 1.0 - share, freedom);
                 if *is_shape {
@@ -198,7 +199,7 @@ impl Mover<'_> {
         if gradient.iter().all(|g| g.is_finite()) {
             all.moments[at].step(parameters, &gradient, all.rates, all.sigmas[at]);
             if freedom == Freedom::Free {
-                parameters.flatten(all.rates.flatten * all.sigmas[at]);
+                parameters.flatten(all.rates.flatten_step * all.sigmas[at]);
             }
         }
     }

@@ -100,7 +100,7 @@ pub struct Nested {
     /// A price on the distance from the triangle, for the last level, the one before, and all others: of the step that Adam
     /// makes where gradients agree, so much goes to the plane, by a proximal step of |z| (Parikh & Boyd 2014, 6.5.2). Views
     /// say little of that distance, and those of few steps the least: without a price it is noise (notes/training.md).
-    pub flatten: [f32; 3],
+    pub flatness_price: [f32; 3],
 }
 
 impl Schedule {
@@ -117,10 +117,10 @@ impl Schedule {
         if let [earlier @ .., _] = &mut rates[..] {
             earlier.fill(self.rates.times(1.0 - self.progress(step)));
         }
-        let [last, base, coarser] = nested.flatten;
+        let [last, base, coarser] = nested.flatness_price;
         let prices = [last, base].into_iter().chain(iter::repeat(coarser));
         for (rates, price) in rates.iter_mut().rev().zip(prices) {
-            rates.flatten = price * rates.position;
+            rates.flatten_step = price * rates.position;
         }
         rates
     }
@@ -241,7 +241,7 @@ impl Default for Rates {
             log2_scale: 0.115,
             logit: 0.05,
             color: 0.01,
-            flatten: 0.0,
+            flatten_step: 0.0,
         }
     }
 }
@@ -263,9 +263,9 @@ mod tests {
             assert_eq!(alone.rates_of_levels(step, &cloud), [rate; 3]);
             assert_eq!(level.rates_of_levels(step, &cloud), [rate; 3]);
             let rates = nested.rates_of_levels(step, &cloud);
-            let prices = rates.iter().map(|rates| rates.flatten / rates.position).rev();
-            assert!(prices.zip(options.nested.flatten).all(|(a, b)| (a - b).abs() < 1e-6));
-            let free = rates.iter().map(|rates| Rates { flatten: 0.0, ..*rates });
+            let prices = rates.iter().map(|rates| rates.flatten_step / rates.position).rev();
+            assert!(prices.zip(options.nested.flatness_price).all(|(a, b)| (a - b).abs() < 1e-6));
+            let free = rates.iter().map(|rates| Rates { flatten_step: 0.0, ..*rates });
             let [first, second, last] = free.collect::<Vec<_>>()[..] else {
                 panic!("a rate for each level")
             };
