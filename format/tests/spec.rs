@@ -47,7 +47,7 @@ fn described() -> Source {
                 },
                 Disc {
                     position: [0.5, -0.25, 0.0],
-                    angle: 3.0 * core::f32::consts::FRAC_PI_4,
+                    angle: 2.5,
                     log2_scale: [-1.5, -3.0],
                     color: [0.0, 1.0, 1.0],
                     opacity: 0.8,
@@ -133,7 +133,7 @@ fn the_worked_bytes_say_what_the_text_says() {
         opacity,
     };
     assert_eq!(codes(0), disc([0, 126, 0], 0, [31, 15], [0, 31, 0], 3));
-    assert_eq!(codes(1), disc([126, 0, 0], 32, [0, 23], [126, 0, 15], 0));
+    assert_eq!(codes(1), disc([126, 0, 0], 37, [0, 23], [126, 0, 15], 0));
 }
 
 /// Every tag that SPEC.md's table names is a constant of `section::tag`, and the other way round.
