@@ -38,13 +38,13 @@ fn joints_and_weights() {
     };
     check([
         joints("upright", IDENTITY, upper(), 0.0).shows(480, 1415),
-        joints("the upper joint is no number", IDENTITY, [[NAN; 4]; 3], 0.0).shows(127, 463),
+        joints("the upper joint is no number", IDENTITY, [[NAN; 4]; 3], 0.0).shows(127, 464),
         joints("one number of the upper joint is none", IDENTITY, with(1, 1, NAN), 0.0)
-            .shows(127, 463),
+            .shows(127, 464),
         joints("the upper joint is infinitely high", IDENTITY, with(1, 3, INFINITE), 0.0)
-            .shows(127, 463),
+            .shows(127, 464),
         joints("the upper joint is infinitely wide", IDENTITY, with(0, 0, -INFINITE), 0.0)
-            .shows(127, 463),
+            .shows(127, 464),
         // The upper end hangs on the upper joint alone.
         joints("the lower joint is no number", [[NAN; 4]; 3], upper(), 0.0).shows(114, 457),
         joints("no joint is a number", [[NAN; 4]; 3], [[NAN; 4]; 3], 0.0),
@@ -73,8 +73,8 @@ fn clips_and_vertices() {
         clip("the start of a clip", 0.0).shows(480, 1415),
         clip("a clip at a time that is no number", NAN).shows(480, 1415),
         clip("a clip before all times", -INFINITE).shows(480, 1415),
-        clip("the end of a clip", 1.0).shows(480, 1574),
-        clip("a clip after all times", INFINITE).shows(480, 1574),
+        clip("the end of a clip", 1.0).shows(480, 1575),
+        clip("a clip after all times", INFINITE).shows(480, 1575),
         vertices("one vertex is no number", &|i| (i == 12).then_some(NAN)).shows(429, 1379),
         vertices("one vertex is infinitely low", &|i| (i == 12).then_some(-INFINITE))
             .shows(429, 1379),
