@@ -43,14 +43,15 @@ impl<F: Copy> Disc<F> {
 }
 
 impl Disc {
-    /// The same disc by an angle in [0, π/2], and whether its scales have changed places for it.
-    pub fn upright(self) -> (Self, bool) {
+    /// The same disc by an angle in [0, π/2].
+    pub fn upright(self) -> Self {
         let rest = self.angle % PI;
         let half_turn = if rest < 0.0 { rest + PI } else { rest };
-        let is_turned = half_turn >= FRAC_PI_2;
-        let angle = if is_turned { half_turn - FRAC_PI_2 } else { half_turn };
-        let disc = if is_turned { self.exchanged() } else { self };
-        (Self { angle, ..disc }, is_turned)
+        if half_turn < FRAC_PI_2 {
+            Self { angle: half_turn, ..self }
+        } else {
+            Self { angle: half_turn - FRAC_PI_2, ..self.exchanged() }
+        }
     }
 
     /// Its scales in each other's place.

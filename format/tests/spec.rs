@@ -107,7 +107,7 @@ fn the_worked_bytes_say_what_the_text_says() {
     let decoded: Vec<Disc> = discs.iter().collect();
     assert_eq!(block.triangles.iter().collect::<Vec<_>>(), [0, 0]);
     let Gaussians::Disc(expected) = described().regions.remove(0).gaussians else { panic!() };
-    for (found, expected) in decoded.iter().zip(expected.into_iter().map(|disc| disc.upright().0)) {
+    for (found, expected) in decoded.iter().zip(expected.into_iter().map(|disc| disc.upright())) {
         let near =
             |a: f32, b: f32, bound: f32| assert!((a - b).abs() <= bound, "{found:?} {expected:?}");
         // Half of the step that the worked bytes name.

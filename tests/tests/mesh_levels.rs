@@ -83,7 +83,6 @@ fn positions_on_coarse_triangles_are_as_exact_as_training_drew_them() {
         for index in 0..level.count {
             let disc = level.discs.get(index as usize).expect("it is there");
             let drawn = &stored.levels[usize::from(level.level)][(level.first + index) as usize];
-            let drawn = drawn.disc().upright().0;
             assert!(is_shape || disc.position == drawn.position);
             assert_eq!(disc.log2_scale, drawn.log2_scale);
         }

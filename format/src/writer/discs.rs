@@ -27,7 +27,7 @@ pub(super) fn disc_bytes(discs: &[Disc], widths: DiscWidths) -> Result<Vec<u8>, 
     let (mut groups, mut codes) = (Vec::new(), Vec::with_capacity(discs.len()));
     for discs in discs.chunks(GROUP_LEN) {
         let group = group_of(discs, widths)?;
-        codes.extend(discs.iter().map(|disc| group.encode(&disc.upright().0, layout)));
+        codes.extend(discs.iter().map(|disc| group.encode(&disc.upright(), layout)));
         groups.push(group);
     }
     Ok([bytes_of(&[widths]), bytes_of(&groups), &packed(&codes, widths)].concat())
@@ -46,7 +46,7 @@ pub fn packed(codes: &[Disc<u16>], widths: DiscWidths) -> Vec<u8> {
 }
 
 /// What a reader gets of the discs of one block, at one level: each number rounded to a code of the group's range, which
-/// follows from all discs of the group. Scales keep their places: angles are those of the file, or a quarter turn more.
+/// follows from all discs of the group; scales have changed places where that is another quarter turn.
 ///
 /// # Errors
 ///
@@ -57,18 +57,11 @@ pub fn stored(discs: &[Disc], widths: DiscWidths) -> Result<Vec<Disc>, EncodeErr
     for discs in discs.chunks(GROUP_LEN) {
         let group = group_of(discs, widths)?;
         stored.extend(discs.iter().map(|disc| {
-            let (disc, is_turned) = disc.upright();
-            let codes = group.encode(&disc, layout).map(f32::from);
-            let stored = group.disc_of_codes(&codes, widths.angle, |x| x);
-            if is_turned { turned(stored) } else { stored }
+            let codes = group.encode(&disc.upright(), layout).map(f32::from);
+            group.disc_of_codes(&codes, widths.angle, |x| x)
         }));
     }
     Ok(stored)
-}
-
-/// The same disc after a quarter turn.
-fn turned(disc: Disc) -> Disc {
-    Disc { angle: disc.angle + core::f32::consts::FRAC_PI_2, ..disc.exchanged() }
 }
 
 fn layout(widths: DiscWidths) -> Result<DiscLayout, EncodeError> {

@@ -87,7 +87,7 @@ pub(super) fn write_levels(
 /// What a shape has of discs; its ranges of other numbers are zeros.
 fn shapes(discs: &[Disc]) -> Vec<Disc> {
     let shape = |disc: &Disc| {
-        let Disc { log2_scale, opacity, .. } = disc.upright().0;
+        let Disc { log2_scale, opacity, .. } = disc.upright();
         Disc { log2_scale, opacity, ..Disc::default() }
     };
     discs.iter().map(shape).collect()

@@ -40,7 +40,7 @@ fn decoded(discs: Discs<'_>) -> Vec<(Disc, DiscGroup)> {
 /// Within half a step of each range.
 fn assert_near(found: &[(Disc, DiscGroup)], expected: &[Disc]) {
     assert_eq!(found.len(), expected.len());
-    let expected = expected.iter().map(|disc| disc.upright().0);
+    let expected = expected.iter().map(|disc| disc.upright());
     for ((found, group), expected) in found.iter().zip(expected) {
         let near = |a: f32, b: f32, step: f32| (a - b).abs() <= 0.51 * step + 1e-6;
         let [found_position, expected_position] = [*found, expected].map(|d| rooted(d.position));

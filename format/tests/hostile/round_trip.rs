@@ -131,7 +131,7 @@ proptest! {
         for_each_group(&source, |places, decoded| {
             let Decoded::Disc(found) = decoded else { panic!("discs") };
             let group = &discs[places];
-            let upright = group.iter().map(|disc| disc.upright().0);
+            let upright = group.iter().map(|disc| disc.upright());
             for (found, expected) in found.iter().zip(upright) {
                 for i in 0..3 {
                     let bound = short_half_step(group.iter().map(|d| rooted(d.position)[i]));

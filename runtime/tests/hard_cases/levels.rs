@@ -192,6 +192,27 @@ fn faint_between_two_levels_is_not_drawn() {
     assert_eq!([4, 5, 6, 7, 8].map(drawn), [4, 5, 6, 3, 4]);
 }
 
+/// A shape may be wider than its base: beside the frame its triangle is looked at as far as the shape reaches.
+#[test]
+fn a_wide_shape_reaches_into_the_frame_from_beside_it() {
+    let narrow = Disc { log2_scale: [-8.0; 2], ..DOT };
+    let mut source = sheet(&[narrow; 2]);
+    source.mathematics.scale_law = ScaleLaw::SquareRoot;
+    source.regions[0].layers = vec![1, 1];
+    source.regions[0].levels = vec![vec![Disc { log2_scale: [0.0; 2], ..narrow }]];
+    let file = bytes(&source);
+    let avatar = Avatar::parse(&file).unwrap();
+    assert_eq!(avatar.levels().map(|level| level.tag).collect::<Vec<_>>(), [*b"SHAP"]);
+    let mut camera = camera(32, 32, 40.0, 2.0);
+    // Its triangle of 1 m stands 2 m to the right of a frame that is 1.6 m wide there.
+    camera.world_to_camera[0][3] += 2.0;
+    let visible = |count| {
+        let plan = Plan::with_budget(&avatar, count);
+        Picture::of(&avatar, &Pose::Rest, &plan, &camera).statistics.gaussians_visible
+    };
+    assert_eq!([1, 2].map(visible), [0, 1]);
+}
+
 /// Every kernel draws the same bits at every count, and any number of parts makes the same splats.
 #[test]
 fn pictures_between_levels_are_the_same_by_every_kernel_and_in_parts() {

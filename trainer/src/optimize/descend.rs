@@ -205,13 +205,14 @@ impl<'a> Descent<'a> {
             let Pass { forward, gradients, .. } = pass;
             let regions = self.clouds.iter_mut().zip(&mut self.motions);
             let drawn = shot.prefixes.iter().zip(&forward.regions);
-            for ((cloud, motion), (&prefix, drawn)) in regions.zip(drawn) {
+            for (region, ((cloud, motion), (&prefix, drawn))) in regions.zip(drawn).enumerate() {
                 let rates = self.schedule.rates_of_levels(shot.step, cloud);
                 let mover = Mover {
                     camera: &shot.camera,
                     low_pass: problem.low_pass,
                     stage: &problem.stages[shot.view.stage],
                     prefix,
+                    stored: stored.as_ref().map(|stored| &stored[region]),
                     drawn: drawn.clone(),
                     rates: &rates,
                 };

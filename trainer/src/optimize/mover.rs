@@ -34,6 +34,8 @@ pub struct Mover<'a> {
     pub stage: &'a Stage,
     /// What was drawn of the region.
     pub prefix: Prefix,
+    /// The cloud as it was drawn, where that is not as it is: as a file would hold it.
+    pub stored: Option<&'a Cloud>,
     /// Splats of it.
     pub drawn: Range<usize>,
     /// How far to go, level by level.
@@ -160,28 +162,37 @@ impl Mover<'_> {
         for (drawn, by) in moves {
             let index = forward.sources[drawn] as usize;
             let (at, freedom) = (index - first, freedoms[index]);
+            let drawn_here = self.drawn_angle(self.prefix.level, index, here.parameters[at].angle);
+            let by_here = &exchanged(by, [drawn_here, here.parameters[at].angle]);
             if let Some(below) = below.as_mut().filter(|below| at < below.parameters.len()) {
                 let before = here.parameters[at];
-                // Of the picture but for a step or two, and a rounding.
-                let quarters = quarters(before.angle, below.parameters[at].angle);
-                self.step(here, at, by, 1.0 - share, freedom);
+                let own = below.parameters[at].angle;
+                let drawn_below = self.drawn_angle(self.prefix.level - 1, index, own);
+                self.step(here, at, by_here, 1.0 - share, freedom);
                 if *is_shape {
                     below.parameters[at].pull([&before, &here.parameters[at]], PULL);
                 }
                 if share > 0.0 {
-                    let by = if is_odd(quarters) { &by.exchanged() } else { by };
-                    self.step(below, at, by, share, freedom);
+                    let by_drawn = exchanged(by, [drawn_here, drawn_below]);
+                    let by_below = exchanged(&by_drawn, [drawn_below, own]);
+                    self.step(below, at, &by_below, share, freedom);
                 }
                 if *is_shape {
                     here.parameters[at] = below.parameters[at].shaped(&here.parameters[at]);
                 }
             } else {
-                self.step(here, at, by, 1.0, freedom);
+                self.step(here, at, by_here, 1.0, freedom);
             }
             if let Some(above) = above {
                 above.parameters[at] = here.parameters[at].shaped(&above.parameters[at]);
             }
         }
+    }
+
+    /// The angle by which Gaussian `index` was drawn at a level, where it has `own`.
+    #[inline(always)]
+    fn drawn_angle(&self, level: usize, index: usize, own: f32) -> f32 {
+        self.stored.map_or(own, |stored| stored.levels[level][index].angle)
     }
 
     /// Moves one Gaussian at one level, of which the disc that was drawn took `share`.
@@ -203,4 +214,10 @@ impl Mover<'_> {
             }
         }
     }
+}
+
+/// The gradient by a disc of one angle as that by the same disc of another, some quarter turns on.
+#[inline(always)]
+fn exchanged(by: &Disc, [from, to]: [f32; 2]) -> Disc {
+    if is_odd(quarters(from, to)) { by.exchanged() } else { *by }
 }
