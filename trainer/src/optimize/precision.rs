@@ -185,7 +185,7 @@ impl Level<'_> {
         let costs = NUMBERS.iter().map(|number| {
             let mut widths = DiscWidths::default();
             *(number.width)(&mut widths) = PROBE;
-            Ok((rounded(widths)? - finest).max(0.0) / unit_error(PROBE))
+            Ok((rounded(widths)? - finest).max(0.0) / (number.unit_error)(PROBE))
         });
         let path = by_gain(&costs.collect::<Result<Vec<f64>>>()?);
         // The rule says in which order bits come, pictures how many.
@@ -257,25 +257,32 @@ struct Number {
     times: u32,
     /// Its bits.
     width: fn(&mut DiscWidths) -> &mut u8,
+    /// Squared error of one of so many bits, to that of a number whose codes are as far apart as its range is wide.
+    unit_error: fn(u8) -> f64,
 }
 
 const NUMBERS: [Number; 9] = [
-    Number { times: 1, width: |widths| &mut widths.position[0] },
-    Number { times: 1, width: |widths| &mut widths.position[1] },
-    Number { times: 1, width: |widths| &mut widths.position[2] },
-    Number { times: 1, width: |widths| &mut widths.angle },
-    Number { times: 2, width: |widths| &mut widths.scale },
-    Number { times: 1, width: |widths| &mut widths.color[0] },
-    Number { times: 1, width: |widths| &mut widths.color[1] },
-    Number { times: 1, width: |widths| &mut widths.color[2] },
-    Number { times: 1, width: |widths| &mut widths.opacity },
+    Number { times: 1, width: |widths| &mut widths.position[0], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.position[1], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.position[2], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.angle, unit_error: around },
+    Number { times: 2, width: |widths| &mut widths.scale, unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.color[0], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.color[1], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.color[2], unit_error: between_ends },
+    Number { times: 1, width: |widths| &mut widths.opacity, unit_error: between_ends },
 ];
 
-/// Squared error of a number of so many bits, to that of a number whose codes are as far apart as its range is wide. In
-/// the middle of it stands the one code of none, which is nearly as good as one at either end.
-fn unit_error(bits: u8) -> f64 {
+/// Of codes from one end of a range to the other. In the middle of it stands the one code of no bits, which is nearly as
+/// good as one at either end.
+fn between_ends(bits: u8) -> f64 {
     let codes = f64::from((1u32 << bits) - 1).max(0.8);
     1.0 / (codes * codes)
+}
+
+/// Of codes in the middles of equal parts of a turn.
+fn around(bits: u8) -> f64 {
+    1.0 / f64::from(1u32 << (2 * bits))
 }
 
 /// No bits, then one more each time where it saves most of the error for its price, up to 8 each.
@@ -291,8 +298,9 @@ fn by_gain(costs: &[f64]) -> Vec<DiscWidths> {
     let mut path = vec![widths(&bits)];
     loop {
         let gain = |index: usize| {
+            let Number { times, unit_error, .. } = NUMBERS[index];
             let saved = unit_error(bits[index]) - unit_error(bits[index] + 1);
-            costs[index] * saved / f64::from(NUMBERS[index].times)
+            costs[index] * saved / f64::from(times)
         };
         let free = (0..bits.len()).filter(|&index| bits[index] < MOST_BITS);
         let Some(best) = free.max_by(|&a, &b| gain(a).total_cmp(&gain(b))) else { return path };
@@ -311,7 +319,8 @@ mod tests {
     }
 
     fn squares(bits: [u8; NUMBERS.len()], costs: &[f64]) -> f64 {
-        bits.iter().zip(costs).map(|(&bits, cost)| cost * unit_error(bits)).sum()
+        let numbers = NUMBERS.iter().zip(bits).zip(costs);
+        numbers.map(|((number, bits), cost)| cost * (number.unit_error)(bits)).sum()
     }
 
     #[test]
