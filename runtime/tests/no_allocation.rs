@@ -71,8 +71,12 @@ fn rigged() -> Source {
         ..Morph::default()
     }];
     let joint = |parent| Joint { name: "joint".into(), parent, ..Joint::default() };
-    let channel =
-        |property, holds, values: &[f32]| Channel { property, holds, values: values.to_vec() };
+    let channel = |property, holds, values: &[f32]| Channel {
+        property,
+        holds,
+        values: values.to_vec(),
+        step: 0.0,
+    };
     source.rig = Rig {
         joints: vec![joint(None), joint(Some(0))],
         binds: vec![(0, IDENTITY), (1, IDENTITY)],

@@ -62,6 +62,7 @@ fn ribbon() -> Source {
     Source {
         mesh: Mesh {
             positions: positions.collect(),
+            step: 0.0,
             influences: (0..=ROWS).flat_map(weights).collect(),
             triangles: triangles.collect(),
             two_sided: vec![true; 2 * ROWS as usize],
@@ -83,8 +84,18 @@ fn ribbon() -> Source {
                 name: "bow".into(),
                 seconds: 1.0,
                 channels: vec![
-                    Channel { property: Property::Rotation(1), holds: false, values: bend },
-                    Channel { property: Property::Weight(0), holds: false, values: vec![0.0, 1.0] },
+                    Channel {
+                        property: Property::Rotation(1),
+                        holds: false,
+                        values: bend,
+                        step: 0.0,
+                    },
+                    Channel {
+                        property: Property::Weight(0),
+                        holds: false,
+                        values: vec![0.0, 1.0],
+                        step: 0.0,
+                    },
                 ],
             }],
         },

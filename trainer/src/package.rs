@@ -19,20 +19,27 @@ use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 /// Clips are resampled at this rate, keys per second.
 pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
-/// A step of a morph target, to the longest side of the mesh: a thirtieth of a pixel where that is 540 px long.
-const MORPH_STEP: f32 = 1.0 / 16_384.0;
+/// A step of a vertex and of a morph target, to the longest side of the mesh: a thirtieth of a pixel where that is 540 px long.
+const MESH_STEP: f32 = 1.0 / 16_384.0;
+
+/// A step of a component of a rotation, of a scale, and of a morph target's weight. Half of a rotation's turns by 0.00012 radians
+/// at most, which at arm's length is a step of the mesh.
+const TURN_STEP: f32 = 1.0 / 16_384.0;
+const SCALE_STEP: f32 = 1.0 / 16_384.0;
+const WEIGHT_STEP: f32 = 1.0 / 4_096.0;
 
 /// The mesh, rig and clips of `model`, without Gaussians.
 pub fn rigged_mesh(model: &Model) -> Source {
     let rest = Bounds::of(&posed_vertices(model, &Pose::rest(model)));
     let unposed: Vec<Vec3> = model.vertices.iter().map(|vertex| vertex.position).collect();
     let Bounds { min, max } = Bounds::of(&unposed);
-    let step = (max - min).max_element() * MORPH_STEP;
+    let step = (max - min).max_element() * MESH_STEP;
     let bound = !model.binds.is_empty();
     let moves = !model.joints.is_empty() || !model.morph_targets.is_empty();
     Source {
         mesh: Mesh {
             positions: model.vertices.iter().map(|v| v.position.to_array()).collect(),
+            step,
             influences: if bound {
                 model.vertices.iter().map(|v| v.influences).collect()
             } else {
@@ -215,9 +222,20 @@ fn resampled(model: &Model, index: usize) -> Clip {
         if values.chunks_exact(width).all(|key| key == &values[..width]) {
             values.truncate(width);
         }
-        Channel { property, holds: channel.interpolation == Interpolation::Step, values }
+        let holds = channel.interpolation == Interpolation::Step;
+        Channel { property, holds, values, step: step_of(property) }
     });
     Clip { name: clip.name.clone(), seconds: clip.seconds, channels: channels.collect() }
+}
+
+/// Of a translation, whose unit is that of the joint's parent, a step is as fine as can be.
+fn step_of(property: Property) -> f32 {
+    match property {
+        Property::Translation(_) => 0.0,
+        Property::Rotation(_) => TURN_STEP,
+        Property::Scale(_) => SCALE_STEP,
+        Property::Weight(_) => WEIGHT_STEP,
+    }
 }
 
 fn property(target: ChannelTarget) -> Property {

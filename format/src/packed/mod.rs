@@ -3,14 +3,16 @@
 //! A packed file is not read in place; [`Unpacker`] makes the file of it, section by section, in memory that the
 //! caller lends. Like the file it is progressive: whatever has arrived unpacks to a prefix that can be drawn.
 //!
-//! 1. `columns`: a payload as columns, each the same number of every record.
-//! 2. `predict`, `earlier`: what each number is likely to be, from the one before it or from the level before.
-//! 3. `table`, `rans`: how often each difference comes, and the bits that it takes.
-//! 4. `reader` fills a payload in, `unpack` leads through all of them.
-//! 5. `survey` counts what comes and chooses, `pack` writes (feature `std`).
+//! 1. `mesh`: triangles from edge to edge, in place.
+//! 2. `columns`: a payload as columns, each the same number of every record.
+//! 3. `predict`, `earlier`: what each number is likely to be, from the one before it or from the level before.
+//! 4. `table`, `rans`: how often each difference comes, and the bits that it takes.
+//! 5. `reader` fills a payload in, `unpack` leads through all of them.
+//! 6. `survey` counts what comes and chooses, `pack` writes (feature `std`).
 
 mod columns;
 mod earlier;
+mod mesh;
 #[cfg(feature = "std")]
 mod pack;
 mod predict;
@@ -33,7 +35,7 @@ use crate::section;
 /// The first bytes of a packed file.
 pub const MAGIC: [u8; 8] = *b"DERMPK\r\n";
 /// The version of the packed form that this crate reads and writes.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 
 /// Byte ranges of the fields before the file's own preamble.
 mod file {

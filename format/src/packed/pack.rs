@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use super::columns::{Coder, Column, Rows, Table, walk};
+use super::mesh::to_codes;
 use super::predict::{PREDICTION_BITS, Prediction};
 use super::rans::{Run, encode};
 use super::reader::Memory;
@@ -33,6 +34,7 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
     for (index, section) in Sections::new(rest).enumerate() {
         let mut survey = Survey { scope: Scope::of(index, &section), counts: &mut counts };
         let mut payload = section.payload.to_vec();
+        to_codes(section.tag, &mut payload, header.vertices);
         // What cannot be walked stands as it is.
         let _ = walk(section.tag, &mut payload, &header, &bytes[..at], &mut survey);
         sections.push((section, at));
@@ -88,6 +90,7 @@ impl Packer {
 
     fn coded(&mut self, index: usize, section: &Section<'_>, before: &[u8]) -> Option<Vec<u8>> {
         let mut payload = section.payload.to_vec();
+        to_codes(section.tag, &mut payload, self.header.vertices);
         let mut writer = Writer {
             scope: Scope::of(index, section),
             choices: &self.choices,

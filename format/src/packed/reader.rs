@@ -1,6 +1,7 @@
 //! A coded payload to the payload.
 
 use super::columns::{Coder, Column, KEPT, Rows, Table, walk};
+use super::mesh::from_codes;
 use super::predict::{
     BATCH, FromEarlier, PREDICTION_BITS, Prediction, Predictor, Previous, Zero, unfold_column,
 };
@@ -55,7 +56,7 @@ impl Memory {
         if reader.source.side.is_overdrawn() {
             return malformed("packed section", "its side information is too short");
         }
-        Ok(())
+        from_codes(tag, payload, header.vertices)
     }
 }
 

@@ -50,8 +50,9 @@ pub(super) fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
             "coarser meshes of {meshes:?} triangles: leave some to the surface"
         ));
     }
-    if mesh.morph_targets.iter().any(|morph| !(0.0..=1e6).contains(&morph.step)) {
-        return refuse("a morph target's step is not in 0 to 1e6 metres");
+    let steps = mesh.morph_targets.iter().map(|morph| morph.step).chain([mesh.step]);
+    if !steps.into_iter().all(|step| (0.0..=1e6).contains(&step)) {
+        return refuse("a step of the mesh or of a morph target is not in 0 to 1e6 metres");
     }
     if !mesh.two_sided.is_empty() && mesh.two_sided.len() != mesh.triangles.len() {
         return refuse("triangles and their two-sided bits differ in number");
@@ -59,17 +60,22 @@ pub(super) fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
     Ok(())
 }
 
-pub(super) fn position_grid(positions: &[[f32; 3]]) -> Result<([f32; 3], [f32; 3]), EncodeError> {
+/// The step that was asked for, if it is not finer than the codes can be.
+pub(super) fn wanted_or_finest(wanted: f32, finest: f32) -> f32 {
+    if wanted > finest { wanted } else { finest }
+}
+
+pub(super) fn position_grid(mesh: &Mesh) -> Result<([f32; 3], [f32; 3]), EncodeError> {
     let mut min = [0.0; 3];
     let mut step = [0.0; 3];
     for axis in 0..3 {
-        let values = positions.iter().map(|p| p[axis]);
+        let values = mesh.positions.iter().map(|p| p[axis]);
         let Some((low, high)) = extent(values) else { continue };
         if !(low.is_finite() && high.is_finite()) {
             return refuse("a vertex is not finite");
         }
         min[axis] = low;
-        step[axis] = (high - low) / f32::from(u16::MAX);
+        step[axis] = wanted_or_finest(mesh.step, (high - low) / f32::from(u16::MAX));
     }
     Ok((min, step))
 }
@@ -164,8 +170,7 @@ pub(super) fn morph_payload(morph: &Morph, vertices: u32) -> Result<Vec<u8>, Enc
     if !greatest.is_finite() {
         return refuse(format!("morph target {name}: a displacement is not finite"));
     }
-    let finest = greatest / f32::from(i16::MAX);
-    let step = if morph.step > finest { morph.step } else { finest };
+    let step = wanted_or_finest(morph.step, greatest / f32::from(i16::MAX));
     let codes =
         |delta: [f32; 3]| delta.map(|x| if step > 0.0 { (x / step).round() as i16 } else { 0 });
     let moved = morph.deltas.iter().map(|&(vertex, delta)| (vertex, codes(delta)));

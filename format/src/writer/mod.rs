@@ -66,7 +66,7 @@ fn header(source: &Source) -> Result<Header, EncodeError> {
     };
     let layers = first.layers.len();
     let gaussians: usize = source.regions.iter().map(|region| region.gaussians.len()).sum();
-    let (position_min, position_step) = position_grid(&mesh.positions)?;
+    let (position_min, position_step) = position_grid(mesh)?;
     let record =
         match source.regions.iter().find(|r| !r.gaussians.is_empty()).unwrap_or(first).gaussians {
             Gaussians::Disc(_) => RecordKind::Disc,

@@ -5,6 +5,7 @@ use crate::record::{BindRecord, ChannelRecord, ClipRecord, JointRecord, Range};
 use crate::section::tag;
 use crate::source::{Channel, Clip, Rig};
 
+use super::mesh::wanted_or_finest;
 use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section, shortened};
 
 pub(super) fn write_rig(out: &mut Vec<u8>, rig: &Rig) -> Result<(), EncodeError> {
@@ -65,7 +66,13 @@ pub(super) fn clip_payload(clip: &Clip) -> Result<Vec<u8>, EncodeError> {
 
 fn channel_range(channel: &Channel) -> Result<Range, EncodeError> {
     match extent(channel.values.iter().copied()) {
-        Some((low, high)) if high.is_finite() => Ok(Range::spanning(low, high, u16::MAX)),
+        _ if !(0.0..=1e6).contains(&channel.step) => {
+            refuse("a step of a clip's channel is not in 0 to 1e6")
+        }
+        Some((low, high)) if high.is_finite() => {
+            let Range { offset, step } = Range::spanning(low, high, u16::MAX);
+            Ok(Range { offset, step: wanted_or_finest(channel.step, step.get()).into() })
+        }
         _ => refuse("a clip has a channel without keys, or with a key that is not finite"),
     }
 }

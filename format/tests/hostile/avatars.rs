@@ -252,8 +252,12 @@ pub(crate) fn rigged() -> Source {
         },
         Morph { name: "nothing".into(), ..Morph::default() },
     ];
-    let channel =
-        |property, holds, values: &[f32]| Channel { property, holds, values: values.to_vec() };
+    let channel = |property, holds, values: &[f32]| Channel {
+        property,
+        holds,
+        values: values.to_vec(),
+        step: 0.0,
+    };
     source.rig = Rig {
         joints: vec![joint("root", None), joint("头", Some(0))],
         binds: vec![(0, identity), (1, identity)],

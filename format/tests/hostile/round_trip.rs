@@ -174,7 +174,7 @@ proptest! {
     fn keys_return(values in prop::collection::vec(-10f32..10.0, 4..80)) {
         let mut source = avatars::rigged();
         let values = values[..values.len() / 4 * 4].to_vec();
-        let channel = Channel { property: Property::Rotation(1), holds: false, values: values.clone() };
+        let channel = Channel { property: Property::Rotation(1), holds: false, values: values.clone(), step: 0.0 };
         source.rig.clips = vec![Clip { name: "c".into(), seconds: 1.0, channels: vec![channel] }];
         source.key_frames.clear();
         source.movements = None;

@@ -169,8 +169,14 @@ pub(crate) fn rigged() -> Source {
                     property: Property::Translation(1),
                     holds: false,
                     values: vec![0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.5, 0.25, 0.0],
+                    step: 0.0,
                 },
-                Channel { property: Property::Weight(0), holds: true, values: vec![0.0, 1.0] },
+                Channel {
+                    property: Property::Weight(0),
+                    holds: true,
+                    values: vec![0.0, 1.0],
+                    step: 0.0,
+                },
             ],
         }],
     };

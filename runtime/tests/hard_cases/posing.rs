@@ -40,8 +40,12 @@ fn rigged() -> Source {
         ..Morph::default()
     };
     source.mesh.morph_targets = vec![morph("far", 5, 0.5), morph("near", 60, 0.01)];
-    let channel =
-        |property, values: &[f32]| Channel { property, holds: false, values: values.to_vec() };
+    let channel = |property, values: &[f32]| Channel {
+        property,
+        holds: false,
+        values: values.to_vec(),
+        step: 0.0,
+    };
     source.rig = Rig {
         joints: vec![joint("root", None), joint("arm", Some(0)), joint("hand", Some(1))],
         binds: (0..3).map(|joint| (joint, IDENTITY)).collect(),
@@ -200,6 +204,7 @@ fn what_stays_still_is_as_at_rest() {
         property: Property::Weight(0),
         holds: false,
         values: vec![0.7, 0.9],
+        step: 0.0,
     });
     let file = bytes(&source);
     let avatar = Avatar::parse(&file).unwrap();
