@@ -15,7 +15,7 @@ use crate::nearest::Nearest;
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
 /// Triangles of a coarser mesh for each Gaussian that is to stand on it.
-const TRIANGLES_PER_GAUSSIAN: f64 = 0.5;
+const TRIANGLES_PER_GAUSSIAN: f64 = 0.65;
 /// Weight of a normal beside a position of a mesh of size 1.
 const NORMAL_WEIGHT: f32 = 0.1;
 /// Poses beside the rest pose that edges are weighed in, at most.
