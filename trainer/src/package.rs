@@ -22,8 +22,8 @@ pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 /// A step of a vertex and of a morph target, to the longest side of the mesh: a thirtieth of a pixel where that is 540 px long.
 const MESH_STEP: f32 = 1.0 / 16_384.0;
 
-/// A step of a component of a rotation, of a scale, and of a morph target's weight. Half of a rotation's turns by 0.00012 radians
-/// at most, which at arm's length is a step of the mesh.
+/// Steps of a clip's channel: of a component of a rotation, half of which turns by 0.00012 radians at most, at arm's length a step of
+/// the mesh; of a scale and of a morph target's weight, to the greatest of the channel.
 const TURN_STEP: f32 = 1.0 / 16_384.0;
 const SCALE_STEP: f32 = 1.0 / 16_384.0;
 const WEIGHT_STEP: f32 = 1.0 / 4_096.0;
@@ -223,18 +223,20 @@ fn resampled(model: &Model, index: usize) -> Clip {
             values.truncate(width);
         }
         let holds = channel.interpolation == Interpolation::Step;
-        Channel { property, holds, values, step: step_of(property) }
+        let step = step_of(property, &values);
+        Channel { property, holds, values, step }
     });
     Clip { name: clip.name.clone(), seconds: clip.seconds, channels: channels.collect() }
 }
 
 /// Of a translation, whose unit is that of the joint's parent, a step is as fine as can be.
-fn step_of(property: Property) -> f32 {
+fn step_of(property: Property, values: &[f32]) -> f32 {
+    let greatest = || values.iter().fold(0.0, |greatest: f32, value| greatest.max(value.abs()));
     match property {
         Property::Translation(_) => 0.0,
         Property::Rotation(_) => TURN_STEP,
-        Property::Scale(_) => SCALE_STEP,
-        Property::Weight(_) => WEIGHT_STEP,
+        Property::Scale(_) => greatest() * SCALE_STEP,
+        Property::Weight(_) => greatest() * WEIGHT_STEP,
     }
 }
 
