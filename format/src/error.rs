@@ -57,7 +57,7 @@ impl fmt::Display for Error {
             Self::Malformed { place, cause } => {
                 write!(
                     f,
-                    "{place}: {cause}; the file is not a valid .dermis avatar, write it again"
+                    "{place}: {cause}; the file is damaged or no valid .dermis avatar, copy it or write it again"
                 )
             }
             Self::Damaged { place } => {
@@ -66,11 +66,14 @@ impl fmt::Display for Error {
                     "{place}: the checksum does not match; the file is damaged, copy it again"
                 )
             }
-            Self::PackedVersion { found } => write!(
-                f,
-                "version {found} of the packed form is not supported (this reads version {}); update Dermis",
-                crate::packed::VERSION
-            ),
+            Self::PackedVersion { found } => {
+                let reads = crate::packed::VERSION;
+                let remedy = if found > reads { "update Dermis" } else { "pack the file again" };
+                write!(
+                    f,
+                    "version {found} of the packed form is not supported (this reads version {reads}); {remedy}"
+                )
+            }
             Self::Room { needed, present } => write!(
                 f,
                 "the unpacked file has {needed} bytes, and there is room for {present}; lend more memory"

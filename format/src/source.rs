@@ -83,8 +83,8 @@ impl Default for Mathematics {
 pub struct Mesh {
     /// Bind space, metres.
     pub positions: Vec<[f32; 3]>,
-    /// What one code of a position stands for, metres, if that is more than codes of 16 bits need: what is finer than anyone
-    /// sees packs badly.
+    /// What one code of a position stands for, 0 to 10⁶ metres, if that is more than codes of 16 bits need: what is finer than
+    /// anyone sees packs badly.
     pub step: f32,
     /// Bind and weight, four for each vertex, weights adding up to 1; empty if no joint moves the mesh.
     pub influences: Vec<[(u16, f32); 4]>,
@@ -172,7 +172,7 @@ pub struct Channel {
     pub holds: bool,
     /// Keys of `property.width()` numbers each, in a row.
     pub values: Vec<f32>,
-    /// What one code stands for, in the unit of the values, if that is more than codes of 16 bits need.
+    /// What one code stands for, 0 to 10⁶ in the unit of the values, if that is more than codes of 16 bits need.
     pub step: f32,
 }
 

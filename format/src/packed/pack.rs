@@ -37,7 +37,7 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
         to_codes(section.tag, &mut payload, header.vertices);
         // What cannot be walked stands as it is.
         let _ = walk(section.tag, &mut payload, &header, &bytes[..at], &mut survey);
-        sections.push((section, at));
+        sections.push((section, payload, at));
         at += crate::section::head::LEN + section.payload.len();
     }
     let choices: BTreeMap<Key, Choice> =
@@ -48,8 +48,8 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
     out.extend(crc32fast::hash(&out).to_le_bytes());
     out.extend(&bytes[..head_len]);
     let mut packer = Packer { header, choices, state: State::default() };
-    for (index, (section, at)) in sections.into_iter().enumerate() {
-        let coded = packer.section(index, &section, &bytes[..at]);
+    for (index, (section, payload, at)) in sections.into_iter().enumerate() {
+        let coded = packer.section(index, &section, payload, &bytes[..at]);
         let coded = coded.as_deref().unwrap_or(section.payload);
         out.extend(section.tag);
         out.extend((section.payload.len() as u32).to_le_bytes());
@@ -78,9 +78,15 @@ struct State {
 
 impl Packer {
     /// The coded payload, if it is shorter.
-    fn section(&mut self, index: usize, section: &Section<'_>, before: &[u8]) -> Option<Vec<u8>> {
+    fn section(
+        &mut self,
+        index: usize,
+        section: &Section<'_>,
+        payload: Vec<u8>,
+        before: &[u8],
+    ) -> Option<Vec<u8>> {
         let state = self.state.clone();
-        let coded = self.coded(index, section, before);
+        let coded = self.coded(index, section, payload, before);
         if coded.is_none() {
             // Readers do not see it.
             self.state = state;
@@ -88,9 +94,14 @@ impl Packer {
         coded
     }
 
-    fn coded(&mut self, index: usize, section: &Section<'_>, before: &[u8]) -> Option<Vec<u8>> {
-        let mut payload = section.payload.to_vec();
-        to_codes(section.tag, &mut payload, self.header.vertices);
+    /// Codes the section's `payload`, which has its triangles and weights as [`to_codes`] makes them.
+    fn coded(
+        &mut self,
+        index: usize,
+        section: &Section<'_>,
+        mut payload: Vec<u8>,
+        before: &[u8],
+    ) -> Option<Vec<u8>> {
         let mut writer = Writer {
             scope: Scope::of(index, section),
             choices: &self.choices,
@@ -100,11 +111,12 @@ impl Packer {
         };
         walk(section.tag, &mut payload, &self.header, before, &mut writer).ok()?;
         let (side, symbols) = (writer.side.finish(), encode(&writer.runs));
-        let coded = [&(side.len() as u32).to_le_bytes()[..], &side, &symbols].concat();
+        let mut coded = [&(side.len() as u32).to_le_bytes()[..], &side, &symbols].concat();
+        // Readers refuse what claims more.
+        coded.resize(coded.len().max(payload.len().div_ceil(MOST_EXPANSION)), 0);
         payload.fill(0);
         self.state.memory.decode(section.tag, &mut payload, &self.header, before, &coded).ok()?;
-        let is_short = coded.len() < payload.len() && payload.len() <= MOST_EXPANSION * coded.len();
-        (payload == section.payload && is_short).then_some(coded)
+        (payload == section.payload && coded.len() < payload.len()).then_some(coded)
     }
 }
 

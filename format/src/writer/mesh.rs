@@ -6,7 +6,7 @@ use crate::record::{MorphRecord, Range, U32, VertexRecord};
 use crate::section::tag;
 use crate::source::{Mesh, Morph};
 
-use super::{EncodeError, bytes_of, extent, narrow, refuse, section, shortened};
+use super::{EncodeError, STEPS, bytes_of, extent, narrow, refuse, section, shortened};
 
 /// How far from 1 the weights of a vertex may add up.
 const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;
@@ -50,19 +50,19 @@ pub(super) fn check_mesh(mesh: &Mesh, binds: usize) -> Result<(), EncodeError> {
             "coarser meshes of {meshes:?} triangles: leave some to the surface"
         ));
     }
-    let steps = mesh.morph_targets.iter().map(|morph| morph.step).chain([mesh.step]);
-    if !steps.into_iter().all(|step| (0.0..=1e6).contains(&step)) {
-        return refuse("a step of the mesh or of a morph target is not in 0 to 1e6 metres");
+    let Mesh { step, .. } = mesh;
+    if !STEPS.contains(step) {
+        return refuse(format!("the mesh: a step of {step} m; give 0 to 1e6"));
+    }
+    for Morph { name, step, .. } in &mesh.morph_targets {
+        if !STEPS.contains(step) {
+            return refuse(format!("morph target {name}: a step of {step} m; give 0 to 1e6"));
+        }
     }
     if !mesh.two_sided.is_empty() && mesh.two_sided.len() != mesh.triangles.len() {
         return refuse("triangles and their two-sided bits differ in number");
     }
     Ok(())
-}
-
-/// The step that was asked for, if it is not finer than the codes can be.
-pub(super) fn wanted_or_finest(wanted: f32, finest: f32) -> f32 {
-    if wanted > finest { wanted } else { finest }
 }
 
 pub(super) fn position_grid(mesh: &Mesh) -> Result<([f32; 3], [f32; 3]), EncodeError> {
@@ -75,7 +75,7 @@ pub(super) fn position_grid(mesh: &Mesh) -> Result<([f32; 3], [f32; 3]), EncodeE
             return refuse("a vertex is not finite");
         }
         min[axis] = low;
-        step[axis] = wanted_or_finest(mesh.step, (high - low) / f32::from(u16::MAX));
+        step[axis] = mesh.step.max((high - low) / f32::from(u16::MAX));
     }
     Ok((min, step))
 }
@@ -170,7 +170,7 @@ pub(super) fn morph_payload(morph: &Morph, vertices: u32) -> Result<Vec<u8>, Enc
     if !greatest.is_finite() {
         return refuse(format!("morph target {name}: a displacement is not finite"));
     }
-    let step = wanted_or_finest(morph.step, greatest / f32::from(i16::MAX));
+    let step = morph.step.max(greatest / f32::from(i16::MAX));
     let codes =
         |delta: [f32; 3]| delta.map(|x| if step > 0.0 { (x / step).round() as i16 } else { 0 });
     let moved = morph.deltas.iter().map(|&(vertex, delta)| (vertex, codes(delta)));

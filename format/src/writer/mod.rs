@@ -31,6 +31,9 @@ impl fmt::Display for EncodeError {
 
 impl core::error::Error for EncodeError {}
 
+/// What may be asked of a step.
+const STEPS: core::ops::RangeInclusive<f32> = 0.0..=1e6;
+
 fn refuse<T>(why: impl Into<String>) -> Result<T, EncodeError> {
     Err(EncodeError(why.into()))
 }

@@ -5,8 +5,7 @@ use crate::record::{BindRecord, ChannelRecord, ClipRecord, JointRecord, Range};
 use crate::section::tag;
 use crate::source::{Channel, Clip, Rig};
 
-use super::mesh::wanted_or_finest;
-use super::{EncodeError, bytes_of, extent, name_bytes, narrow, refuse, section, shortened};
+use super::{EncodeError, STEPS, bytes_of, extent, name_bytes, narrow, refuse, section, shortened};
 
 pub(super) fn write_rig(out: &mut Vec<u8>, rig: &Rig) -> Result<(), EncodeError> {
     if rig.joints.is_empty() {
@@ -44,7 +43,11 @@ pub(super) fn clip_payload(clip: &Clip) -> Result<Vec<u8>, EncodeError> {
     };
     let mut payload = bytes_of(&[head]).to_vec();
     payload.extend(name.as_bytes());
-    let ranges: Vec<Range> = clip.channels.iter().map(channel_range).collect::<Result<_, _>>()?;
+    let ranges = clip.channels.iter().enumerate().map(|(index, channel)| {
+        let place = format!("clip {name}, channel {index}");
+        channel_range(channel, &place)
+    });
+    let ranges: Vec<Range> = ranges.collect::<Result<_, _>>()?;
     for (channel, &range) in clip.channels.iter().zip(&ranges) {
         let (property, target) = channel.property.code();
         let record = ChannelRecord {
@@ -64,15 +67,16 @@ pub(super) fn clip_payload(clip: &Clip) -> Result<Vec<u8>, EncodeError> {
     Ok(payload)
 }
 
-fn channel_range(channel: &Channel) -> Result<Range, EncodeError> {
+fn channel_range(channel: &Channel, place: &str) -> Result<Range, EncodeError> {
+    let wanted = channel.step;
+    if !STEPS.contains(&wanted) {
+        return refuse(format!("{place}: a step of {wanted}; give 0 to 1e6"));
+    }
     match extent(channel.values.iter().copied()) {
-        _ if !(0.0..=1e6).contains(&channel.step) => {
-            refuse("a step of a clip's channel is not in 0 to 1e6")
-        }
         Some((low, high)) if high.is_finite() => {
             let Range { offset, step } = Range::spanning(low, high, u16::MAX);
-            Ok(Range { offset, step: wanted_or_finest(channel.step, step.get()).into() })
+            Ok(Range { offset, step: wanted.max(step.get()).into() })
         }
-        _ => refuse("a clip has a channel without keys, or with a key that is not finite"),
+        _ => refuse(format!("{place}: it has no keys, or one that is not finite")),
     }
 }

@@ -474,6 +474,32 @@ fn steps_of_morph_targets_are_as_coarse_as_is_asked() {
 }
 
 #[test]
+fn steps_of_vertices_and_clips_are_as_coarse_as_is_asked() {
+    let mut source = avatars::rigged();
+    // Flat, one side longer than the other.
+    source.mesh.positions.iter_mut().for_each(|position| position[2] = 0.25);
+    let values = source.rig.clips[0].channels[0].values.clone();
+    for step in [0.0, 1e-9, 0.01, 0.3] {
+        source.mesh.step = step;
+        source.rig.clips[0].channels[0].step = step;
+        let bytes = encode(&source).unwrap();
+        let avatar = Avatar::parse(&bytes).unwrap();
+        let off = |here: f32, there: f32| (here - there).abs() <= 0.5 * step.max(1e-4) * 1.001;
+        for (vertex, wanted) in source.mesh.positions.iter().enumerate() {
+            let found = avatar.vertex_position(vertex);
+            assert!((0..3).all(|i| off(found[i], wanted[i])), "{step}: {found:?}, {wanted:?}");
+        }
+        let clip = avatar.clips().next().unwrap();
+        let channel = clip.channels().next().unwrap();
+        let width = channel.property.width();
+        for (at, &wanted) in values.iter().enumerate() {
+            let found = channel.value(at / width, at % width);
+            assert!(off(found, wanted), "{step}: {found}, {wanted}");
+        }
+    }
+}
+
+#[test]
 fn importances_out_of_their_limits_are_refused() {
     let bytes = encode(&avatars::regions()).unwrap();
     let avatar = Avatar::parse(&bytes).unwrap();

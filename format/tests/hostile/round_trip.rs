@@ -473,7 +473,7 @@ fn what_cannot_be_encoded_is_refused() {
         encode(&source).expect_err("a refusal").to_string()
     };
     type Change = (fn(&mut Source), &'static str);
-    let changes: [Change; 19] = [
+    let changes: [Change; 25] = [
         (|s| s.regions.clear(), "region"),
         (|s| s.mesh.triangles[1][2] = 65_536 + 2, "corner"),
         (|s| s.mesh.morph_targets[0].deltas[0].0 = 65_536, "vertex"),
@@ -493,6 +493,12 @@ fn what_cannot_be_encoded_is_refused() {
         (|s| s.rig.joints[0].parent = Some(1), "parent"),
         (|s| s.rig.clips[0].channels[0].values.clear(), "keys"),
         (|s| s.mathematics.harmonics_degree = 1, "harmonics"),
+        (|s| s.mesh.step = f32::NAN, "the mesh: a step of NaN m"),
+        (|s| s.mesh.step = -1.0, "the mesh: a step of -1 m"),
+        (|s| s.mesh.morph_targets[0].step = 2e6, "a step of 2000000 m"),
+        (|s| s.rig.clips[0].channels[1].step = f32::NAN, "channel 1: a step of NaN"),
+        (|s| s.rig.clips[0].channels[1].step = -1e-9, "channel 1: a step of -"),
+        (|s| s.rig.clips[0].channels[1].step = 2e6, "channel 1: a step of 2000000"),
     ];
     for (change, word) in changes {
         let why = refused(change);
