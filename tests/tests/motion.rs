@@ -7,10 +7,9 @@ use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::model::Model;
 use dermis_trainer::scene::{self, Bounds, posed_vertices};
 use dermis_trainer::{import, package};
+use glam::Vec3;
 
-/// Keys of a file's clips, per second; there nothing is interpolated.
-const KEYS_PER_SECOND: f32 = 30.0;
-/// Moments of each clip.
+/// Moments of each clip, all at keys: there nothing is interpolated.
 const MOMENTS: usize = 9;
 
 /// How far vertices are off, to the longest side of the rest pose: root mean square of the worst moment, and greatest.
@@ -26,6 +25,18 @@ fn off(model: &Model) -> [f64; 2] {
         let posed = posed.expect("it can be posed");
         let truth = posed_vertices(model, there);
         assert_eq!(posed.vertices().len(), truth.len());
+        for triangle in &model.triangles {
+            let corners = triangle.corners.map(|corner| corner as usize);
+            let normal = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a);
+            let stored = normal(corners.map(|corner| Vec3::from(posed.vertices()[corner])));
+            let exact = normal(corners.map(|corner| truth[corner]));
+            // What has a width of three steps keeps its front.
+            let longest = (0..3).map(|i| truth[corners[i]].distance(truth[corners[(i + 1) % 3]]));
+            let width = exact.length() / longest.fold(f32::MIN_POSITIVE, f32::max);
+            if f64::from(width) > 3.0 / 16_384.0 * side {
+                assert!(stored.dot(exact) > 0.0, "a triangle has turned round");
+            }
+        }
         let squares = posed.vertices().iter().zip(&truth).map(|(here, there)| {
             let there = there.to_array();
             (0..3).map(|i| f64::from(here[i] - there[i]).powi(2)).sum::<f64>()
@@ -36,7 +47,7 @@ fn off(model: &Model) -> [f64; 2] {
     };
     let mut worst = compare(&Pose::Rest, &scene::Pose::rest(model));
     for (index, clip) in model.clips.iter().enumerate() {
-        let last = (clip.seconds * KEYS_PER_SECOND).ceil().max(1.0) as usize;
+        let last = package::last_key(clip.seconds);
         for moment in 0..MOMENTS {
             let seconds = clip.seconds * (moment * last / MOMENTS) as f32 / last as f32;
             let pose = Pose::Clip { clip: index, seconds };
@@ -66,6 +77,8 @@ fn real_avatars_move_as_their_models() {
         "valid_male.glb",
         "valid_head_female.glb",
         "CesiumMan.glb",
+        "mannequiny.glb",
+        "robot_expressive.glb",
         "kaykit_knight.glb",
         "Fox.glb",
         "MorphStressTest.gltf",

@@ -4,6 +4,8 @@ use std::fs;
 use std::sync::OnceLock;
 
 use dermis_format::packed::{Unpacker, is_packed, pack, unpack, unpack_prefix, unpacked_len};
+use dermis_format::source::{Joint, Mesh, Region, Rig, Source};
+use dermis_format::writer::encode;
 use dermis_format::{Avatar, Error, PerLevel};
 use dermis_tests::command::run;
 use dermis_tests::files;
@@ -88,6 +90,68 @@ fn every_file_returns_and_its_prefixes_are_the_files() {
         }
         assert_eq!(unpack_prefix(&packed), Ok(bytes));
     }
+}
+
+#[test]
+fn other_versions_are_refused_with_a_remedy() {
+    let (_, bytes) = files().swap_remove(0);
+    let packed = pack(&bytes).expect("a valid file can be packed");
+    for (version, remedy) in [(1u16, "pack the file again"), (9, "update Dermis")] {
+        let mut other = packed.clone();
+        other[8..10].copy_from_slice(&version.to_le_bytes());
+        let crc = crc32fast::hash(&other[..14]);
+        other[14..18].copy_from_slice(&crc.to_le_bytes());
+        let error = unpack(&other).expect_err("it is of another version").to_string();
+        assert!(error.contains(remedy), "{version}: {error}");
+    }
+}
+
+/// A mesh of so many vertices, each in a triangle, with skin.
+fn meshed(vertices: u32) -> Vec<u8> {
+    let triangles = (0..vertices - 2).step_by(2).map(|i| [i, i + 1, i + 2]);
+    let source = Source {
+        mesh: Mesh {
+            positions: (0..vertices).map(|i| [(i % 7) as f32, (i % 5) as f32, i as f32]).collect(),
+            influences: vec![[(0, 0.75), (1, 0.25), (0, 0.0), (0, 0.0)]; vertices as usize],
+            triangles: triangles.collect(),
+            ..Mesh::default()
+        },
+        rig: Rig {
+            joints: vec![Joint::default(); 2],
+            binds: [0, 1].map(|joint| (joint, IDENTITY)).to_vec(),
+            clips: Vec::new(),
+        },
+        regions: vec![Region { layers: vec![0], ..Region::default() }],
+        bounds: [[0.0; 3], [7.0, 5.0, vertices as f32]],
+        ..Source::default()
+    };
+    encode(&source).expect("it can be written")
+}
+
+const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// 65,279 vertices are the most whose triangles are told by codes, 65,536 the most of u16.
+#[test]
+fn meshes_of_any_size_return() {
+    for vertices in [3, 5_000, 65_279, 65_280, 65_536, 65_537] {
+        let bytes = meshed(vertices);
+        let packed = pack(&bytes).expect("a valid file can be packed");
+        assert_eq!(unpack(&packed).as_deref(), Ok(&bytes[..]), "{vertices} vertices");
+        if vertices == 5_000 {
+            // Triangles that share no edge and weights that are alike take all that is allowed, no more.
+            let [tris, skin] = [*b"TRIS", *b"SKIN"].map(|tag| packed_section(&packed, tag));
+            assert!(tris[1] < tris[0] / 16 && skin[1] < skin[0] / 32, "{tris:?}, {skin:?}");
+        }
+    }
+}
+
+/// Bytes of a section's payload, and of its coded form.
+fn packed_section(packed: &[u8], tag: [u8; 4]) -> [usize; 2] {
+    let at = packed.windows(4).position(|bytes| bytes == tag).expect("it is there");
+    [4, 8].map(|offset| {
+        let bytes = packed[at + offset..].first_chunk().expect("a head");
+        u32::from_le_bytes(*bytes) as usize
+    })
 }
 
 #[test]

@@ -7,11 +7,11 @@ use dermis_format::rig::Property;
 use dermis_format::source::{
     Channel, Clip, Gaussians, Joint, Mathematics, Mesh, Morph, Region, Rig, Source,
 };
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, Quat};
 
 use crate::embed::mesh_levels::CoarserMesh;
 use crate::embed::regions::Regions;
-use crate::model::{ChannelTarget, Interpolation, Model};
+use crate::model::{Bind, ChannelTarget, Interpolation, Model, MorphTarget};
 use crate::movements;
 use crate::optimize::cloud::{Cloud, Parameters};
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
@@ -19,21 +19,19 @@ use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 /// Clips are resampled at this rate, keys per second.
 pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
-/// A step of a vertex and of a morph target, to the longest side of the mesh: a thirtieth of a pixel where that is 540 px long.
+/// What nobody sees, to the longest side of the mesh at rest: a thirtieth of a pixel where that is 540 px long. So far apart, in the world,
+/// are the codes of a vertex, of a morph target's displacement, and what its weight's codes make of it.
 const MESH_STEP: f32 = 1.0 / 16_384.0;
 
-/// Steps of a clip's channel: of a component of a rotation, half of which turns by 0.00012 radians at most, at arm's length a step of
-/// the mesh; of a scale and of a morph target's weight, to the greatest of the channel.
+/// A step of a component of a rotation: half of it turns by 0.00012 radians at most, at arm's length a step of the mesh.
 const TURN_STEP: f32 = 1.0 / 16_384.0;
+/// A step of a scale, to the greatest of its channel.
 const SCALE_STEP: f32 = 1.0 / 16_384.0;
-const WEIGHT_STEP: f32 = 1.0 / 4_096.0;
 
 /// The mesh, rig and clips of `model`, without Gaussians.
 pub fn rigged_mesh(model: &Model) -> Source {
     let rest = Bounds::of(&posed_vertices(model, &Pose::rest(model)));
-    let unposed: Vec<Vec3> = model.vertices.iter().map(|vertex| vertex.position).collect();
-    let Bounds { min, max } = Bounds::of(&unposed);
-    let step = (max - min).max_element() * MESH_STEP;
+    let step = mesh_step(model, rest);
     let bound = !model.binds.is_empty();
     let moves = !model.joints.is_empty() || !model.morph_targets.is_empty();
     Source {
@@ -54,7 +52,7 @@ pub fn rigged_mesh(model: &Model) -> Source {
         rig: Rig {
             joints: model.joints.iter().map(joint).collect(),
             binds: model.binds.iter().map(|bind| (bind.joint, rows(&bind.inverse))).collect(),
-            clips: (0..model.clips.len()).map(|clip| resampled(model, clip)).collect(),
+            clips: (0..model.clips.len()).map(|clip| resampled(model, clip, step)).collect(),
         },
         regions: vec![Region { name: "body".into(), layers: vec![0], ..Region::default() }],
         mathematics: Mathematics::default(),
@@ -62,6 +60,17 @@ pub fn rigged_mesh(model: &Model) -> Source {
         movements: moves.then(|| movements::measure(model)),
         ..Source::default()
     }
+}
+
+/// What nobody sees in bind space, where some parts may be in other units than the world: in that of the finest.
+fn mesh_step(model: &Model, rest: Bounds) -> f32 {
+    let worlds = Pose::rest(model).joint_worlds(model);
+    let of_bind = |bind: &Bind| {
+        let matrix = (worlds[usize::from(bind.joint)] * bind.inverse).matrix3;
+        [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.length())
+    };
+    let greatest = model.binds.iter().flat_map(of_bind).fold(1.0, f32::max);
+    (rest.max - rest.min).max_element() * MESH_STEP / greatest
 }
 
 /// Cuts a mesh into regions, yet without Gaussians.
@@ -178,7 +187,7 @@ fn rows(matrix: &Affine3A) -> [[f32; 4]; 3] {
     core::array::from_fn(|i| [m.x_axis[i], m.y_axis[i], m.z_axis[i], t[i]])
 }
 
-fn morph(target: &crate::model::MorphTarget, step: f32) -> Morph {
+fn morph(target: &MorphTarget, step: f32) -> Morph {
     Morph {
         name: target.name.clone(),
         default_weight: target.default_weight,
@@ -201,10 +210,15 @@ fn wxyz(q: Quat) -> [f32; 4] {
     [q.w, q.x, q.y, q.z]
 }
 
-/// A clip with keys evenly spaced from 0 to its end; what does not move has one key.
-fn resampled(model: &Model, index: usize) -> Clip {
+/// The last of a clip's keys, which are evenly spaced from 0 to its end.
+pub fn last_key(seconds: f32) -> usize {
+    (seconds * KEYS_PER_SECOND).ceil().max(1.0) as usize
+}
+
+/// A clip with evenly spaced keys; what moves by less than a step has one.
+fn resampled(model: &Model, index: usize, mesh_step: f32) -> Clip {
     let clip = &model.clips[index];
-    let last = (clip.seconds * KEYS_PER_SECOND).ceil().max(1.0) as usize;
+    let last = last_key(clip.seconds);
     // Pose by pose: all poses of a long clip at once are more than what its channels keep of them.
     let mut sampled: Vec<Vec<f32>> = vec![Vec::new(); clip.channels.len()];
     for key in 0..=last {
@@ -219,24 +233,31 @@ fn resampled(model: &Model, index: usize) -> Clip {
         if matches!(property, Property::Rotation(_)) {
             align_signs(&mut values);
         }
-        if values.chunks_exact(width).all(|key| key == &values[..width]) {
+        let step = step_of(property, &values, &model.morph_targets, mesh_step);
+        let rests = |key: &[f32]| {
+            key.iter().zip(&values).all(|(here, first)| (here - first).abs() <= step / 2.0)
+        };
+        if values.chunks_exact(width).all(rests) {
             values.truncate(width);
         }
         let holds = channel.interpolation == Interpolation::Step;
-        let step = step_of(property, &values);
         Channel { property, holds, values, step }
     });
     Clip { name: clip.name.clone(), seconds: clip.seconds, channels: channels.collect() }
 }
 
 /// Of a translation, whose unit is that of the joint's parent, a step is as fine as can be.
-fn step_of(property: Property, values: &[f32]) -> f32 {
-    let greatest = || values.iter().fold(0.0, |greatest: f32, value| greatest.max(value.abs()));
+fn step_of(property: Property, values: &[f32], targets: &[MorphTarget], mesh_step: f32) -> f32 {
+    let greatest = |numbers: &mut dyn Iterator<Item = f32>| numbers.fold(0.0, f32::max);
     match property {
         Property::Translation(_) => 0.0,
         Property::Rotation(_) => TURN_STEP,
-        Property::Scale(_) => greatest() * SCALE_STEP,
-        Property::Weight(_) => greatest() * WEIGHT_STEP,
+        Property::Scale(_) => SCALE_STEP * greatest(&mut values.iter().map(|value| value.abs())),
+        Property::Weight(target) => {
+            let deltas = targets[usize::from(target)].deltas.iter();
+            let moved = greatest(&mut deltas.map(|(_, delta)| delta.length()));
+            if moved > 0.0 { (mesh_step / moved).min(1.0) } else { 0.0 }
+        }
     }
 }
 

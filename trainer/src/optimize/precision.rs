@@ -324,6 +324,26 @@ mod tests {
     }
 
     #[test]
+    fn angles_are_off_by_what_is_counted() {
+        for bits in 0..8 {
+            let square = |bits: u8| {
+                let step = dermis_format::quant::angle_step(bits);
+                let off = |i: u16| {
+                    let angle = f32::from(i) * (core::f32::consts::FRAC_PI_2 / 65_536.0);
+                    let code = (angle / step).floor();
+                    f64::from(angle - (code + 0.5) * step).powi(2)
+                };
+                (0..=u16::MAX).map(off).sum::<f64>()
+            };
+            let found = square(bits + 1) / square(bits);
+            assert!(
+                (found / (around(bits + 1) / around(bits)) - 1.0).abs() < 1e-3,
+                "{bits}: {found}"
+            );
+        }
+    }
+
+    #[test]
     fn each_bit_goes_where_it_saves_most_for_its_price() {
         let mut random = Random::new(5);
         for _ in 0..200 {
