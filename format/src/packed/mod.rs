@@ -3,7 +3,7 @@
 //! A packed file is not read in place; [`Unpacker`] makes the file of it, section by section, in memory that the
 //! caller lends. Like the file it is progressive: whatever has arrived unpacks to a prefix that can be drawn.
 //!
-//! 1. `mesh`: triangles from edge to edge, in place.
+//! 1. `mesh`: triangles told from edge to edge, first weights as sums, in place.
 //! 2. `columns`: a payload as columns, each the same number of every record.
 //! 3. `predict`, `earlier`: what each number is likely to be, from the one before it or from the level before.
 //! 4. `table`, `rans`: how often each difference comes, and the bits that it takes.
