@@ -77,7 +77,7 @@ pub struct Options {
 impl Options {
     /// Of a preset.
     pub fn preset(preset: Preset) -> Self {
-        // Of what a level may lose before the last steps, these leave 0.10 dB of draft and 0.09 of default (notes/training.md).
+        // Of what a level may lose before the last steps, these leave 0.09 dB of draft and of default (notes/training.md).
         let (steps, survey_steps, key_frames, size, max_loss_db) = match preset {
             Preset::Draft => (1_600, 150, 4, 540, 0.15),
             Preset::Default => (13_600, 300, 20, 540, 0.24),
