@@ -6,7 +6,7 @@ use dermis_tests::files;
 use dermis_trainer::demo::demo_avatar;
 use dermis_trainer::model::Model;
 use dermis_trainer::scene::{self, Bounds, posed_vertices};
-use dermis_trainer::{import, package};
+use dermis_trainer::{clips, import, package};
 use glam::Vec3;
 
 /// Moments of each clip, all at keys: there nothing is interpolated.
@@ -33,7 +33,7 @@ fn off(model: &Model) -> [f64; 2] {
             // What has a width of three steps keeps its front.
             let longest = (0..3).map(|i| truth[corners[i]].distance(truth[corners[(i + 1) % 3]]));
             let width = exact.length() / longest.fold(f32::MIN_POSITIVE, f32::max);
-            if f64::from(width) > 3.0 / 16_384.0 * side {
+            if f64::from(width) > f64::from(3.0 * package::MESH_STEP) * side {
                 assert!(stored.dot(exact) > 0.0, "a triangle has turned round");
             }
         }
@@ -47,7 +47,7 @@ fn off(model: &Model) -> [f64; 2] {
     };
     let mut worst = compare(&Pose::Rest, &scene::Pose::rest(model));
     for (index, clip) in model.clips.iter().enumerate() {
-        let last = package::last_key(clip.seconds);
+        let last = clips::last_key(clip.seconds);
         for moment in 0..MOMENTS {
             let seconds = clip.seconds * (moment * last / MOMENTS) as f32 / last as f32;
             let pose = Pose::Clip { clip: index, seconds };

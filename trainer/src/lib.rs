@@ -8,7 +8,7 @@
 //! 3. [`embed`] puts Gaussians on the triangles, coarse to fine.
 //! 4. [`optimize`] draws them with the runtime's own stages and descends the gradient; [`methods`] are ways
 //!    to do 3 and 4, ours and the papers'.
-//! 5. [`package`] encodes mesh, rig, how far that moves it ([`movements`]) and Gaussians; [`describe`] lists what a file holds.
+//! 5. [`package`] encodes mesh, rig, [`clips`], how far these move it ([`movements`]) and Gaussians; [`describe`] lists what a file holds.
 //! 6. [`draw`] draws a file as its users will, [`orbit`] places a camera; [`eval`] and [`metrics`] compare with the mesh, and
 //!    with a reference renderer in f64; [`page`] shows it.
 //!
@@ -26,6 +26,7 @@
 pub mod bench;
 pub mod camera_file;
 pub mod checkpoint;
+pub mod clips;
 pub mod convert;
 pub mod demo;
 pub mod describe;
