@@ -2,12 +2,16 @@
 
 use dermis_format::section::tag;
 use dermis_runtime::{Avatar, Kernel, Plan, Pose, Posed};
+use dermis_tests::files::data;
 use dermis_tests::small::{options, trained_demo};
 use dermis_trainer::describe::Info;
 use dermis_trainer::embed::choice::Choice;
 use dermis_trainer::embed::regions::Region;
 use dermis_trainer::eval::{EvalOptions, evaluate};
+use dermis_trainer::import;
+use dermis_trainer::methods::MeshTrial;
 use dermis_trainer::options::Options;
+use dermis_trainer::train::train;
 
 /// Of training at half the size: there a quarter of the Gaussians belongs.
 const SIZE: u32 = 48;
@@ -30,7 +34,7 @@ fn a_level_on_its_coarse_mesh_is_as_good_as_on_the_surface() {
         let (model, trained) = trained_demo(&Options { mesh_levels, ..usual.clone() });
         let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
         let mesh = Info::of(&avatar).mesh;
-        assert_eq!(mesh.coarser.len() as u32, mesh_levels - 1);
+        assert_eq!(mesh.coarser.len() as u32, mesh_levels - 1, "{:?}", trained.mesh_trials);
         assert_eq!(mesh.triangles as usize, model.triangles.len());
         if let [coarser] = mesh.coarser[..] {
             assert!(coarser.gaussians >= 190 && coarser.triangles <= 130, "{coarser:?}");
@@ -114,4 +118,23 @@ fn a_small_mesh_is_its_own() {
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     assert_eq!(avatar.mesh_levels().count(), 1);
     assert_eq!(avatar.header().triangles as usize, model.triangles.len());
+}
+
+/// White with stripes: no coarse mesh carries it before white and before black as its surface does, and none is taken.
+#[test]
+fn where_no_coarse_mesh_is_as_good_the_file_is_as_if_none_was_asked_for() {
+    let Some(folder) = data("mesh_levels") else { return };
+    let model = import::load(&folder.join("CesiumMan.glb")).expect("it can be read");
+    let usual = Options { survey_steps: 100, ..options(18_000, 60) };
+    let train = |mesh_levels| {
+        train(&model, &Options { mesh_levels, ..usual.clone() }).expect("it can be trained")
+    };
+    let (asked, not_asked) = (train(2), train(1));
+    assert!(
+        matches!(asked.mesh_trials[..], [MeshTrial { triangles: None, loss_db, .. }] if loss_db > 0.1),
+        "{:?}",
+        asked.mesh_trials
+    );
+    assert!(not_asked.mesh_trials.is_empty());
+    assert!(asked.bytes == not_asked.bytes);
 }

@@ -137,15 +137,10 @@ impl Options {
         }
     }
 
-    /// Gaussians up to each layer that stands on a coarser mesh, from fine to coarse.
-    pub fn coarser_counts(&self) -> Vec<u32> {
-        if self.method != Method::Dermis {
-            return Vec::new();
-        }
-        let layers = self.layers(self.gaussians);
-        let coarser = self.mesh_levels.min(self.levels).saturating_sub(1) as usize;
-        let up_to = (1..=coarser).rev().map(|layer| layers[..layer].iter().sum());
-        up_to.filter(|&count| count > 0).collect()
+    /// How many layers may stand on coarser meshes.
+    pub fn coarser_layers(&self) -> u32 {
+        let coarser = self.mesh_levels.min(self.levels).saturating_sub(1);
+        if self.method == Method::Dermis { coarser } else { 0 }
     }
 
     /// Gaussians of each layer of a nested order of `count`: each layer but the first holds three

@@ -71,14 +71,13 @@ pub fn with_regions(mut source: Source, regions: &Regions) -> Source {
     source
 }
 
-/// Adds coarser meshes, from fine to coarse, behind the triangles of the surface, whose regions they take over. They show
-/// both sides: where the surface bends out of sight one by one, a triangle of few would take all at once that still shows.
+/// Adds coarser meshes, from fine to coarse, behind the triangles of the surface, whose regions they take over.
 pub fn with_coarser(mut source: Source, meshes: &[CoarserMesh]) -> Source {
     let mesh = &mut source.mesh;
-    for CoarserMesh { triangles, originals } in meshes {
+    for CoarserMesh { triangles, originals, two_sided } in meshes {
         mesh.triangles.extend(triangles);
         for &original in originals {
-            mesh.two_sided.push(true);
+            mesh.two_sided.push(*two_sided);
             mesh.triangle_regions.push(mesh.triangle_regions[original as usize]);
         }
         mesh.coarser.push(triangles.len() as u32);

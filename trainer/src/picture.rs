@@ -22,3 +22,12 @@ impl Picture {
         self.rgb.iter().flat_map(|pixel| pixel.map(dermis_runtime::framebuffer::to_byte)).collect()
     }
 }
+
+/// Sum of the squared differences of a pixel's channels, on average over all pixels of some pictures.
+pub fn mean_square(these: &[Picture], those: &[Picture]) -> f64 {
+    let pixels = |pictures: &[Picture]| pictures.iter().map(|p| p.rgb.len()).sum::<usize>();
+    let pairs = these.iter().zip(those).flat_map(|(a, b)| a.rgb.iter().zip(&b.rgb));
+    let squares =
+        pairs.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b) * (a - b)));
+    squares.sum::<f64>() / pixels(these).max(1) as f64
+}

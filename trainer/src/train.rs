@@ -6,9 +6,8 @@ use dermis_runtime::Pose;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoint, Journal};
-use crate::embed::mesh_levels;
 use crate::embed::sides::two_sided;
-use crate::methods::{Culling, Method, Parts, Workshop};
+use crate::methods::{self, Culling, MeshTrial, Method, Parts, Setting, Workshop};
 use crate::model::Model;
 use crate::movements;
 use crate::optimize::cloud::Cloud;
@@ -31,6 +30,8 @@ pub struct Trained {
     pub steps: u32,
     /// What culling costs it.
     pub culling: Culling,
+    /// Which coarser meshes its first layers stand on.
+    pub mesh_trials: Vec<MeshTrial>,
 }
 
 /// Trains an avatar: truth, placement, descent, packing.
@@ -78,10 +79,12 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         "no camera sees the mesh; is it under 2 cm, or transparent? scale it to metres"
     );
     source.mesh.two_sided = two_sided(model, &seen);
-    let counts = options.coarser_counts();
-    let coarser = mesh_levels::coarser(model, &parts.regions, &key_frames, &counts);
+    let (painter, key_frames) = (&painter, &key_frames[..]);
+    let setting =
+        Setting { painter, key_frames, views: &views, seen: &seen, parts: &parts, options };
+    let (coarser, mesh_trials) = methods::choose_meshes(model, &source, &setting)?;
     let source = package::with_coarser(source, &coarser);
-    let mut workshop = Workshop::new(&source, &painter, &key_frames, views, &seen, parts, options)?;
+    let mut workshop = Workshop::new(&source, &setting)?;
     if let Some(journal) = journal {
         workshop.keep(journal);
     }
@@ -99,7 +102,8 @@ fn train_with(model: &Model, options: &Options, journal: Option<&mut Journal>) -
         }
     }
     let (steps, culling) = (workshop.steps(), workshop.culling(&clouds)?);
-    Ok(Trained { bytes: package::encode(&source)?, clouds, precision, steps, culling })
+    let bytes = package::encode(&source)?;
+    Ok(Trained { bytes, clouds, precision, steps, culling, mesh_trials })
 }
 
 /// The poses to train on.

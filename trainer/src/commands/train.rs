@@ -9,11 +9,12 @@ use dermis_trainer::checkpoint::Checkpoint;
 use dermis_trainer::describe::Info;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_of;
-use dermis_trainer::methods::{Culling, Method};
+use dermis_trainer::methods::{Culling, MeshTrial, Method};
 use dermis_trainer::model::Model;
 use dermis_trainer::movements::Edit;
 use dermis_trainer::options::{Options, Preset};
-use dermis_trainer::{import, output, train};
+use dermis_trainer::train::{self, Trained};
+use dermis_trainer::{import, output};
 use serde::Serialize;
 
 use crate::Common;
@@ -93,6 +94,8 @@ struct Report {
     seconds: f64,
     steps: u32,
     culling: Culling,
+    /// Which coarser meshes the first layers stand on.
+    mesh_trials: Vec<MeshTrial>,
     #[serde(flatten)]
     info: Info,
 }
@@ -110,16 +113,18 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let trained = trained.with_context(|| arguments.mesh.display().to_string())?;
     output.finish(&trained.bytes)?;
     let info = Info::of(&Avatar::parse(&trained.bytes)?);
-    let (seconds, culling) = (start.elapsed().as_secs_f64(), trained.culling);
-    let report = Report { seconds, steps: trained.steps, culling, info };
+    let seconds = start.elapsed().as_secs_f64();
+    let Trained { steps, culling, mesh_trials, .. } = trained;
+    let report = Report { seconds, steps, culling, mesh_trials, info };
     super::print(common, &report, text)
 }
 
 fn text(report: &Report) -> String {
-    let Report { seconds, steps, culling, info } = report;
+    let Report { seconds, steps, culling, mesh_trials, info } = report;
     let Culling { culled, all, pictures } = culling;
+    let meshes: String = mesh_trials.iter().map(of_trial).collect();
     format!(
-        "{steps} steps in {seconds:.1} s\n\
+        "{steps} steps in {seconds:.1} s\n{meshes}\
          culling: {:.2} dB over the foreground and {:.1} blends a pixel with it, {:.2} dB and {:.1} without \
          ({pictures} training pictures)\n{}",
         culled.psnr_foreground_db,
@@ -128,6 +133,20 @@ fn text(report: &Report) -> String {
         all.blends_per_pixel,
         super::info::text(info)
     )
+}
+
+fn of_trial(trial: &MeshTrial) -> String {
+    let MeshTrial { gaussians, triangles, loss_db } = trial;
+    match triangles {
+        Some(triangles) => {
+            format!(
+                "{gaussians} Gaussians on {triangles} triangles: {loss_db:+.2} dB lost in a trial\n"
+            )
+        }
+        None => format!(
+            "{gaussians} Gaussians stay on the surface: a coarser mesh lost {loss_db:.2} dB in a trial\n"
+        ),
+    }
 }
 
 /// LoDAvatar's count follows from the mesh, and grows by 4 with each level.

@@ -1,7 +1,7 @@
 //! Coarser meshes of the same vertices, for the first Gaussians to stand on (face-lod, 4.2).
 //!
 //! Where the paper weighs a vertex by its region, its distance, normal deviation and curvature, each region here has as
-//! many triangles as its Gaussians ask for, and edges collapse by quadrics of position, normal, and place in the training
+//! many triangles as its share of the surface asks for, and edges collapse by quadrics of position, normal, and place in the training
 //! poses: joints that bend stay, and no vertex is new.
 
 use std::collections::HashMap;
@@ -14,9 +14,6 @@ use crate::model::Model;
 use crate::nearest::Nearest;
 use crate::scene::{Bounds, KeyFrame, Pose, posed_vertices};
 
-/// Triangles of a coarser mesh for each Gaussian that is to stand on it: the fewest by which the demo's first level is as good as on
-/// its surface where it belongs (0.5: 0.5 dB less).
-const TRIANGLES_PER_GAUSSIAN: f64 = 0.65;
 /// Weight of a normal beside a position of a mesh of size 1.
 const NORMAL_WEIGHT: f32 = 0.1;
 /// Poses beside the rest pose that edges are weighed in, at most.
@@ -29,34 +26,41 @@ pub struct CoarserMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Triangle of the model that lies nearest to the middle of each, in its own region.
     pub originals: Vec<u32>,
+    /// Whether they show their backs, too.
+    pub two_sided: bool,
 }
 
-/// Meshes for as many Gaussians as `counts` says of each, from fine to coarse, but for those that would have more than half
-/// of the surface's triangles, or none.
-pub fn coarser(
-    model: &Model,
-    regions: &Regions,
-    key_frames: &[KeyFrame],
-    counts: &[u32],
-) -> Vec<CoarserMesh> {
-    if counts.is_empty() {
-        return Vec::new();
+/// A mesh whose edges can collapse.
+pub struct Coarsener {
+    shapes: Shapes,
+    /// Whether regions meet at each vertex.
+    borders: Vec<bool>,
+    parts: Vec<Part>,
+    /// Of all parts.
+    area: f64,
+}
+
+impl Coarsener {
+    /// For a model in some of its training poses.
+    pub fn new(model: &Model, regions: &Regions, key_frames: &[KeyFrame]) -> Self {
+        let shapes = Shapes::new(model, key_frames);
+        let borders = shapes.borders(regions);
+        let parts: Vec<Part> =
+            (0..regions.len()).map(|region| Part::new(&shapes, regions, region)).collect();
+        let area = parts.iter().map(|part| part.area).sum();
+        Self { shapes, borders, parts, area }
     }
-    let shapes = Shapes::new(model, key_frames);
-    let borders = shapes.borders(regions);
-    let parts: Vec<Part<'_>> =
-        (0..regions.len()).map(|region| Part::new(&shapes, regions, region)).collect();
-    let area: f64 = parts.iter().map(|part| part.area).sum();
-    let mesh = |&count: &u32| {
-        let wanted = f64::from(count) * TRIANGLES_PER_GAUSSIAN / area.max(f64::MIN_POSITIVE);
+
+    /// A mesh of about so many triangles that show their front; `None` if it has more than half of the surface's, or none.
+    pub fn mesh(&self, triangles: f64) -> Option<CoarserMesh> {
+        let per_area = triangles / self.area.max(f64::MIN_POSITIVE);
         let mut mesh = CoarserMesh::default();
-        parts.iter().for_each(|part| part.add(&mut mesh, &borders, wanted));
-        mesh
-    };
-    let pays = |mesh: &CoarserMesh| {
-        !mesh.triangles.is_empty() && 2 * mesh.triangles.len() <= model.triangles.len()
-    };
-    counts.iter().map(mesh).filter(pays).collect()
+        self.parts.iter().for_each(|part| {
+            part.add(&self.shapes, &mut mesh, &self.borders, per_area);
+        });
+        let found = mesh.triangles.len();
+        (found > 0 && 2 * found <= self.shapes.corners.len()).then_some(mesh)
+    }
 }
 
 /// The mesh as edges are weighed: vertices that are one in all poses are one.
@@ -106,8 +110,7 @@ impl Shapes {
 
     /// Corners of what is left of triangles where edges collapse until they are so few, those first that cost least.
     fn collapsed(&self, indices: &[u32], locked: &[bool], triangles: usize) -> Vec<u32> {
-        let wanted = 3 * triangles;
-        if wanted >= indices.len() {
+        if triangles >= indices.len() / 3 {
             return indices.to_vec();
         }
         let mut attributes = Vec::new();
@@ -130,7 +133,7 @@ impl Shapes {
             &weights,
             size_of_val(&weights[..]),
             locked,
-            wanted,
+            3 * triangles,
             f32::MAX,
             SimplifyOptions::Sparse | SimplifyOptions::Prune,
             None,
@@ -139,8 +142,7 @@ impl Shapes {
 }
 
 /// A region of the mesh.
-struct Part<'s> {
-    shapes: &'s Shapes,
+struct Part {
     /// Corners of its triangles.
     indices: Vec<u32>,
     /// Those of the model's triangles that are its own and have an area.
@@ -149,8 +151,8 @@ struct Part<'s> {
     area: f64,
 }
 
-impl<'s> Part<'s> {
-    fn new(shapes: &'s Shapes, regions: &Regions, region: usize) -> Self {
+impl Part {
+    fn new(shapes: &Shapes, regions: &Regions, region: usize) -> Self {
         let all = (0..).zip(&shapes.corners).zip(&regions.of_triangles);
         let own = all.filter(|(_, of)| usize::from(**of) == region).map(|(triangle, _)| triangle);
         let own: Vec<(u32, [u32; 3])> = own.map(|(index, corners)| (index, *corners)).collect();
@@ -164,7 +166,6 @@ impl<'s> Part<'s> {
         };
         let weight = f64::from(regions.weights[region].unwrap_or(1.0));
         Self {
-            shapes,
             indices: own.iter().flat_map(|(_, corners)| *corners).collect(),
             nearest: Nearest::of(own.iter().filter_map(place)),
             area: weight * own.iter().map(|&(_, corners)| size(corners)).sum::<f64>(),
@@ -172,10 +173,10 @@ impl<'s> Part<'s> {
     }
 
     /// Adds it to a mesh of so many triangles for each of its square metres.
-    fn add(&self, mesh: &mut CoarserMesh, borders: &[bool], per_area: f64) {
+    fn add(&self, shapes: &Shapes, mesh: &mut CoarserMesh, borders: &[bool], per_area: f64) {
         let wanted = (per_area * self.area).ceil() as usize;
-        for &corners in self.shapes.collapsed(&self.indices, borders, wanted).as_chunks().0 {
-            let middle = self.shapes.at_rest(corners).into_iter().sum::<Vec3>() / 3.0;
+        for &corners in shapes.collapsed(&self.indices, borders, wanted).as_chunks().0 {
+            let middle = shapes.at_rest(corners).into_iter().sum::<Vec3>() / 3.0;
             if let Some(original) = self.nearest.triangle(middle.as_dvec3().to_array()) {
                 mesh.triangles.push(corners);
                 mesh.originals.push(original);
@@ -226,9 +227,10 @@ mod tests {
         let frames = training_key_frames(&model, &[0], 3);
         for asked in [&[][..], &[head()]] {
             let regions = Regions::cut(&model, asked).expect("it can be cut");
-            let meshes = coarser(&model, &regions, &frames, &[1000, 250]);
-            for (mesh, gaussians) in meshes.iter().zip([1000.0, 250.0]) {
-                let wanted = gaussians * TRIANGLES_PER_GAUSSIAN;
+            let coarsener = Coarsener::new(&model, &regions, &frames);
+            let wanted = [650.0, 162.5];
+            let meshes = wanted.map(|wanted| coarsener.mesh(wanted).expect("it is coarser"));
+            for (mesh, wanted) in meshes.iter().zip(wanted) {
                 let found = mesh.triangles.len() as f64;
                 assert!(found > 0.5 * wanted && found < 1.3 * wanted, "{found} for {wanted}");
                 let shapes = Shapes::new(&model, &frames);
@@ -259,15 +261,12 @@ mod tests {
     fn a_mesh_that_is_not_coarser_is_none() {
         let model = demo_avatar();
         let regions = Regions::cut(&model, &[]).expect("nothing is asked");
-        let meshes = coarser(&model, &regions, &[], &[100_000, 250]);
-        let lens: Vec<usize> = meshes.iter().map(|mesh| mesh.triangles.len()).collect();
-        assert!(matches!(lens[..], [len] if len < 200), "{lens:?} of {}", model.triangles.len());
-    }
-
-    #[test]
-    fn nothing_is_coarser_where_nothing_is_asked() {
-        let model = demo_avatar();
-        let regions = Regions::cut(&model, &[]).expect("nothing is asked");
-        assert!(coarser(&model, &regions, &[], &[]).is_empty());
+        let coarsener = Coarsener::new(&model, &regions, &[]);
+        let all = model.triangles.len() as f64;
+        for wanted in [0.0, 0.55 * all, all, 1e9, f64::INFINITY] {
+            let mesh = coarsener.mesh(wanted);
+            assert!(mesh.is_none(), "{wanted} of {all}");
+        }
+        assert!(coarsener.mesh(0.45 * all).is_some());
     }
 }

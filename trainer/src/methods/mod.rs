@@ -3,7 +3,8 @@
 //! 1. [`Workshop`] holds what all share: the posed mesh, its pictures, placement and descent.
 //! 2. `parts` are the triangles that options choose; `culling` says what a trained cloud loses by it,
 //!    `curves` how good a picture each count makes, `samples` which triangles stand for the others.
-//! 3. `dermis` is ours; [`Method`] names the others, in `lodavatar`, `lapisgs` and `alone`.
+//! 3. `dermis` is ours, and `mesh_trials` say which coarser meshes its first layers stand on; [`Method`] names the others, in
+//!    `lodavatar`, `lapisgs` and `alone`.
 
 mod alone;
 mod culling;
@@ -11,13 +12,15 @@ mod curves;
 mod dermis;
 mod lapisgs;
 mod lodavatar;
+mod mesh_trials;
 mod parts;
 mod samples;
 mod workshop;
 
 pub use culling::Culling;
+pub use mesh_trials::{MeshTrial, choose as choose_meshes};
 pub use parts::Parts;
-pub use workshop::Workshop;
+pub use workshop::{Setting, Workshop};
 
 use anyhow::Result;
 use dermis_format::source::Mathematics;

@@ -37,6 +37,23 @@ use crate::truth::TrainingView;
 /// Density of Gaussians on triangles that no training view sees.
 const UNSEEN_WEIGHT: f32 = 0.1;
 
+/// What is to be trained, and by what.
+#[derive(Clone, Copy)]
+pub struct Setting<'a> {
+    /// The mesh as it looks.
+    pub painter: &'a Painter<'a>,
+    /// Poses of it.
+    pub key_frames: &'a [KeyFrame],
+    /// Pictures of them.
+    pub views: &'a [TrainingView],
+    /// How much of each triangle they have seen.
+    pub seen: &'a [SideCount],
+    /// Parts of the same mesh.
+    pub parts: &'a Parts,
+    /// How.
+    pub options: &'a Options,
+}
+
 /// What all methods share.
 pub struct Workshop<'a> {
     pub(super) painter: &'a Painter<'a>,
@@ -50,11 +67,11 @@ pub struct Workshop<'a> {
     coarser: Vec<Vec<Vec<u32>>>,
     /// Wanted density of Gaussians on each triangle, relative to the others.
     pub(super) weights: Vec<f32>,
-    pub(super) parts: Parts,
+    pub(super) parts: &'a Parts,
     /// Squared error on each triangle; empty before a survey.
     residuals: Vec<f64>,
     stages: Vec<Stage>,
-    views: Vec<TrainingView>,
+    views: &'a [TrainingView],
     pub(super) random: Random,
     steps: u32,
     /// What the last descent ended with.
@@ -63,17 +80,9 @@ pub struct Workshop<'a> {
 }
 
 impl<'a> Workshop<'a> {
-    /// For the mesh of `source`, which `views` show in the poses of `key_frames` and of which they have `seen` so much
-    /// of each triangle; `parts` are those of the same mesh.
-    pub fn new(
-        source: &Source,
-        painter: &'a Painter<'a>,
-        key_frames: &[KeyFrame],
-        views: Vec<TrainingView>,
-        seen: &[SideCount],
-        parts: Parts,
-        options: &'a Options,
-    ) -> Result<Self> {
+    /// For the mesh of `source`, with its coarser ones.
+    pub fn new(source: &Source, setting: &Setting<'a>) -> Result<Self> {
+        let Setting { painter, key_frames, views, seen, parts, options } = *setting;
         // Frames come from the runtime and the encoded mesh: what is trained on is what is drawn on.
         let bytes = package::encode(source)?;
         let avatar = Avatar::parse(&bytes).context("the mesh alone cannot be read back")?;
@@ -202,7 +211,7 @@ impl<'a> Workshop<'a> {
 
     /// Gaussians spread over the surface, coarse to fine, by the density of each triangle, `layers` of them (fewer
     /// in the last ones where there is no room). Those of layer i are as wide as `spread_over(i)` of them ask for.
-    fn spread_out(
+    pub(super) fn spread_out(
         &mut self,
         layers: &[u32],
         spread_over: impl Fn(usize) -> u32 + Sync,
@@ -255,10 +264,10 @@ impl<'a> Workshop<'a> {
         Ok(())
     }
 
-    fn problem(&self) -> Problem<'_> {
+    pub(super) fn problem(&self) -> Problem<'_> {
         Problem {
             stages: &self.stages,
-            views: &self.views,
+            views: self.views,
             background: self.options.background,
             low_pass: self.options.method.mathematics().low_pass,
             loss: self.options.loss,

@@ -19,7 +19,7 @@ use super::descend::Problem;
 use super::forward::{Stage, draw};
 use super::limits::Limits;
 use super::rounding::level_as_stored;
-use crate::picture::Picture;
+use crate::picture::{Picture, mean_square};
 use crate::truth::{Scratch, TrainingView};
 
 /// Views that decide, evenly spread over all: they are seen of a dozen pictures each at every level.
@@ -241,14 +241,6 @@ impl Level<'_> {
         }
         Ok(mean_square(pictures, &truths))
     }
-}
-
-fn mean_square(these: &[Picture], those: &[Picture]) -> f64 {
-    let pixels = |pictures: &[Picture]| pictures.iter().map(|p| p.rgb.len()).sum::<usize>();
-    let pairs = these.iter().zip(those).flat_map(|(a, b)| a.rgb.iter().zip(&b.rgb));
-    let squares =
-        pairs.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b) * (a - b)));
-    squares.sum::<f64>() / pixels(these).max(1) as f64
 }
 
 /// A number of a record.
