@@ -7,7 +7,8 @@
 //! ```
 //!
 //! which is exact where it is small beside its depth, and ends at the whole frame where it is not; a triangle that stands for
-//! others (section `SAMP`) counts as many times as the file says.
+//! others (section `SAMP`) counts as many times as the file says. At a border of the frame it is as if that were a square around
+//! its middle.
 
 use bytemuck::Zeroable;
 use dermis_format::header::MAX_REGIONS;
@@ -245,6 +246,20 @@ pub fn covered<R: Real>(frame: &Frame<R>, kind: FrameKind, view: &View<R>) -> Co
     Covered { area, center: [x, y, z] }
 }
 
+/// Of a square that reaches `around` metres from a point in camera axes, and half a pixel at least, the share in the frame.
+#[inline(always)]
+fn share_in_frame<R: Real>(view: &View<R>, [x, y, z]: [R; 3], around: R) -> R {
+    let share = |axis: usize, at: R| {
+        let (focal, center, size) = (view.focal()[axis], view.center()[axis], view.size()[axis]);
+        let middle = focal * at / z + center;
+        let half = (focal * around / z).abs().at_least(z.like(0.5));
+        let (start, end) = (middle - half, middle + half);
+        let inside = end.at_most(size) - start.at_least(z.like(0.0));
+        inside.at_least(z.like(0.0)) / (end - start)
+    };
+    share(0, x) * share(1, y)
+}
+
 /// Adds up what the triangles cover that show something.
 pub(crate) struct AddFootprints<'s, 'a, S> {
     pub(crate) avatar: &'s Avatar<'a>,
@@ -272,8 +287,10 @@ impl<S: Iterator<Item = Sample>> Work for AddFootprints<'_, '_, S> {
             |x| V::splat(token, x),
         );
         let (offset, sigma) = (V::splat(token, extent.offset), V::splat(token, extent.sigma));
+        let half = V::splat(token, 0.5);
         let [fx, fy] = view.focal();
         let square_focal = V::splat(token, (fx * fy).abs());
+        let focal = V::splat(token, (fx * fy).abs().sqrt());
         let [width, height] = view.size();
         let (zero, whole) = (V::splat(token, 0.0), V::splat(token, width * height));
         loop {
@@ -300,11 +317,16 @@ impl<S: Iterator<Item = Sample>> Work for AddFootprints<'_, '_, S> {
             while at < MAX_LANES {
                 let (frame, exists) = block.load::<V>(token, at);
                 let reach = frame.reach(kind);
-                let misses = frustum.misses(frame.origin, reach * offset, reach * sigma);
-                let Covered { area, center: [x, y, z] } = covered(&frame, kind, &vectors);
+                let Covered { area, center: center @ [x, y, z] } = covered(&frame, kind, &vectors);
                 let back = of_lanes::<V>(token, two_sided >> at);
+                let own = area.abs().at_most(whole);
+                let all = own * V::load(token, areas.get(at..at + V::LEN).unwrap_or(&[]));
+                let metres = half * all.sqrt() * z / focal;
+                let misses = frustum.misses(frame.origin, reach * offset + metres, reach * sigma);
                 let shows = exists & !misses & (zero.below(area) | zero.below(back));
-                let own = V::select(shows, area.abs().at_most(whole), zero);
+                let around = metres + reach * (offset + V::splat(token, 3.34) * sigma);
+                let share = share_in_frame(&vectors, center, around);
+                let own = V::select(shows, own * share, zero);
                 let area = own * V::load(token, areas.get(at..at + V::LEN).unwrap_or(&[]));
                 let fill = own * V::load(token, fills.get(at..at + V::LEN).unwrap_or(&[]));
                 let square_density = square_focal / (z * z);

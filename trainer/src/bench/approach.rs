@@ -22,8 +22,8 @@ pub struct Step {
     pub change_8bit: f64,
     /// The same with all Gaussians drawn on the whole way.
     pub change_of_all_8bit: f64,
-    /// Blends that the plan foretold, to those that were done.
-    pub blends_foretold: f64,
+    /// Blends that the plan foretold, to those that were done; none where a bound on its rise left fewer Gaussians.
+    pub blends_foretold: Option<f64>,
 }
 
 /// How plans are made on the way.
@@ -102,10 +102,11 @@ pub fn measure(
         for (approach, last) in approaches.iter_mut().zip(&mut plans) {
             let Way { budget, later_budget, rising } = approach.way;
             let budget = if 2 * picture < pictures { budget } else { later_budget };
-            let (mut plan, spent) = planned(&posed, &camera, &Budget::of_gaussians(budget))?;
-            if let (Some(factor), Some(last)) = (rising, last.as_ref()) {
-                plan = plan.rising_from(avatar, last, factor);
-            }
+            let (wanted, spent) = planned(&posed, &camera, &Budget::of_gaussians(budget))?;
+            let plan = match (rising, last.as_ref()) {
+                (Some(factor), Some(last)) => wanted.rising_from(avatar, last, factor),
+                _ => wanted.clone(),
+            };
             let drawn = draw(avatar, &pose, &plan, &camera, WHITE)?;
             now.push(drawn.rgba);
             let change = |of: usize| before.as_ref().map_or(0.0, |b| change(&b[of], &now[of]));
@@ -114,8 +115,9 @@ pub fn measure(
                 gaussians: plan.gaussians(),
                 change_8bit: change(now.len() - 1),
                 change_of_all_8bit: change(0),
-                blends_foretold: f64::from(spent.blends)
-                    / drawn.statistics.counts.blends.max(1) as f64,
+                blends_foretold: (plan.gaussians() == wanted.gaussians()).then(|| {
+                    f64::from(spent.blends) / drawn.statistics.counts.blends.max(1) as f64
+                }),
             });
             *last = Some(plan);
         }

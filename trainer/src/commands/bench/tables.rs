@@ -27,7 +27,7 @@ pub(super) fn approach(report: &ApproachReport) -> String {
                 step.gaussians.to_string(),
                 format!("{:.2}", step.change_8bit),
                 format!("{:.2}", step.change_of_all_8bit),
-                format!("{:.2}", step.blends_foretold),
+                step.blends_foretold.map_or_else(String::new, |foretold| format!("{foretold:.2}")),
             ]);
         }
     }
