@@ -4,7 +4,7 @@ use dermis_runtime::footprint::{Covered, covered};
 use dermis_runtime::project::View;
 use dermis_runtime::{Avatar, Camera, Kernel, Pose, Posed};
 use dermis_tests::small::{options, trained_demo};
-use dermis_trainer::bench::approach::{self, Way};
+use dermis_trainer::bench::approach::{self, Track, Way};
 use dermis_trainer::eval::{EvalOptions, Row, evaluate};
 use dermis_trainer::orbit::Orbit;
 
@@ -62,13 +62,18 @@ fn a_plan_is_no_worse_than_the_finest_level_that_fits() {
     assert!(better >= 5 && finer >= 1, "{better} better, {finer} with fewer");
 }
 
+/// To 1.5 m.
+fn track(far: f32, pictures: u32) -> Track {
+    Track { yaw: 0.0, far, near: 1.5, pictures }
+}
+
 #[test]
 fn nothing_pops_as_an_avatar_comes_nearer() {
     // So long that from afar fewer are better.
     let (_, trained) = trained_demo(&options(2000, 600));
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let ways = [1000, 2000].map(Way::of_budget);
-    let approaches = approach::measure(&avatar, &Pose::Rest, [120, 120], &ways, [16.0, 1.5], 60);
+    let approaches = approach::measure(&avatar, &Pose::Rest, [120, 120], &ways, &track(16.0, 60));
     for approach in approaches.expect("it can be drawn") {
         let counts = || approach.steps.iter().map(|step| step.gaussians);
         let ratio = approach.greatest_change_to_all();
@@ -89,7 +94,7 @@ fn a_budget_that_rises_at_once_pops_less_where_counts_rise_slowly() {
     let avatar = Avatar::parse(&trained.bytes).expect("what was trained is valid");
     let way = |rising| Way { budget: 150, later_budget: 2000, rising };
     let ways = [way(None), way(Some(1.1))];
-    let approaches = approach::measure(&avatar, &Pose::Rest, [120, 120], &ways, [3.0, 1.5], 80);
+    let approaches = approach::measure(&avatar, &Pose::Rest, [120, 120], &ways, &track(3.0, 80));
     let approaches = approaches.expect("it can be drawn");
     let [at_once, slowly] = &approaches[..] else { panic!("two ways") };
     println!("{:.3} at once", at_once.greatest_change_to_all());

@@ -61,6 +61,12 @@ impl Approach {
         greatest(|step| step.change_8bit) / greatest(|step| step.change_of_all_8bit).max(1e-9)
     }
 
+    /// The least and the greatest of what was foretold of blends to what was done.
+    pub fn blends_foretold(&self) -> [f64; 2] {
+        let all = || self.steps.iter().filter_map(|step| step.blends_foretold);
+        [all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max)]
+    }
+
     /// Pictures, from where the budget changes on, until plans have as many Gaussians as their budget, or stop rising.
     pub fn pictures_to_rise(&self) -> usize {
         let later = &self.steps[self.steps.len().div_ceil(2)..];
@@ -69,8 +75,20 @@ impl Approach {
     }
 }
 
-/// Draws `pictures` pictures of a posed avatar from in front, from `far` to `near` metres, each nearer than the one before
-/// by the same share: by the plans of each way, and all Gaussians.
+/// The way of a camera that looks at the middle of an avatar.
+#[derive(Clone, Copy, Debug)]
+pub struct Track {
+    /// Degrees around it; 0 looks at its front.
+    pub yaw: f32,
+    /// Where it begins, metres.
+    pub far: f32,
+    /// Where it ends, metres.
+    pub near: f32,
+    /// On the way, each nearer than the one before by the same share.
+    pub pictures: u32,
+}
+
+/// Draws the pictures of a posed avatar on a track: by the plans of each way, and all Gaussians.
 ///
 /// # Errors
 ///
@@ -80,8 +98,7 @@ pub fn measure(
     pose: &Pose<'_>,
     [width, height]: [u32; 2],
     ways: &[Way],
-    [far, near]: [f32; 2],
-    pictures: u32,
+    &Track { yaw, far, near, pictures }: &Track,
 ) -> Result<Vec<Approach>> {
     let mut scratch = vec![0; Posed::scratch_len(avatar)];
     let posed = Posed::new(avatar, pose, Kernel::detect(), &mut scratch)?;
@@ -94,7 +111,7 @@ pub fn measure(
     for picture in 0..pictures {
         let share = picture as f32 / pictures.saturating_sub(1).max(1) as f32;
         let distance_m = far * (near / far).powf(share);
-        let orbit = Orbit { yaw: 0.0, pitch: 0.0, distance: Some(distance_m) };
+        let orbit = Orbit { yaw, pitch: 0.0, distance: Some(distance_m) };
         let camera = orbit.camera(avatar, pose, width, height)?;
         let pose = Pose::Vertices(posed.vertices());
         // All Gaussians come first.

@@ -7,7 +7,7 @@ use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use dermis_runtime::{Avatar, Camera, Kernel};
-use dermis_trainer::bench::approach::{self, Approach, Way};
+use dermis_trainer::bench::approach::{self, Approach, Track, Way};
 use dermis_trainer::bench::approximations::Source;
 use dermis_trainer::bench::once::draw_once;
 use dermis_trainer::bench::stages::Scene;
@@ -66,6 +66,9 @@ pub(crate) struct Arguments {
     /// last one half way: what changes from one to the next beside all Gaussians, and how well blends are foretold.
     #[arg(long, conflicts_with_all = ["scene", "training", "unpacking", "camera", "distance", "kernel", "approximations", "svg"])]
     approach: bool,
+    /// With --approach: degrees around the avatar from where it comes; 0 looks at its front.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite, requires = "approach")]
+    yaw: f32,
     /// Draw both eyes of a headset, 63 mm apart, --runs times, and show what the second one costs.
     #[arg(long, conflicts_with_all = ["training", "unpacking", "approach", "approximations", "svg"])]
     stereo: bool,
@@ -178,9 +181,10 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         };
         let ways = ways(&budgets(&avatar, arguments));
         let size = [width, height];
+        let (yaw, pictures) = (arguments.yaw, arguments.runs);
+        let track = Track { yaw, far: FAR, near: NEAR, pictures };
         let approaches =
-            approach::measure(&avatar, &pose, size, &ways, [FAR, NEAR], arguments.runs)
-                .with_context(|| name.clone())?;
+            approach::measure(&avatar, &pose, size, &ways, &track).with_context(|| name.clone())?;
         let report =
             ApproachReport { avatar: name, cpu: machine::cpu(), width, height, approaches };
         return super::print(common, &report, tables::approach);

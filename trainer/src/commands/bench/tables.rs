@@ -38,7 +38,8 @@ pub(super) fn approach(report: &ApproachReport) -> String {
         if way.budget != way.later_budget {
             out += &format!(", {} pictures until it is spent", approach.pictures_to_rise());
         }
-        out.push('\n');
+        let [least, greatest] = approach.blends_foretold();
+        out += &format!("; blends foretold {least:.2} to {greatest:.2} times\n");
     }
     out
 }
