@@ -21,6 +21,12 @@ struct Plane<R> {
 /// of f32 at most, here and where the runtime projects.
 const ROUNDING: f32 = 2e-6;
 
+/// Standard deviations at which a footprint surely has ended.
+pub(crate) const REACH: f32 = 3.34;
+
+/// Pixels by which the low-pass widens a footprint at most.
+pub(crate) const BLUR: f32 = 2.4;
+
 impl Frustum<f32> {
     /// A footprint ends within 3.33 standard deviations (α ≥ 1/255), and its variance along x is at
     /// most (f / z)² (|X| + |s Z|)² σ² + 0.3 px² (low-pass), with X and Z rows of world → camera and the clamped
@@ -38,7 +44,7 @@ impl Frustum<f32> {
         let length = |[x, y, z, _]: [f32; 4]| dot([x, y, z], [x, y, z]).sqrt();
         let border = |axis: usize, row: [f32; 4], towards: f32, border: f32| {
             let (focal, limit) = (view.focal()[axis], view.limit()[axis]);
-            let slope = border + 2.4;
+            let slope = border + BLUR;
             let [a, b, c, d] = core::array::from_fn(|i| towards * focal * row[i] - slope * rz[i]);
             let (focal, slope) = (focal.abs(), slope.abs());
             Plane {
@@ -46,7 +52,7 @@ impl Frustum<f32> {
                 d: d - ROUNDING * (focal * row[3].abs() + slope * rz[3].abs()),
                 // At least the length of the normal, and all that was subtracted to make it.
                 offset: focal * length(row) + slope * length(rz),
-                sigma: 3.34 * focal * (length(row) + limit * length(rz)),
+                sigma: REACH * focal * (length(row) + limit * length(rz)),
             }
         };
         let near = Plane {
@@ -88,6 +94,13 @@ impl<R: Copy> Plane<R> {
 }
 
 impl<R: Real> Frustum<R> {
+    /// Where all that is at most `offset` metres from `point` (world) is behind the near plane.
+    #[inline(always)]
+    pub(crate) fn is_behind(&self, point: [R; 3], offset: R) -> R::Mask {
+        let [.., near] = self.0;
+        near.misses(point, offset, offset.like(0.0))
+    }
+
     /// Where no Gaussian can touch a pixel whose centre is at most `offset` metres from `point`
     /// (world) and whose standard deviations are at most `sigma` metres. Never where one can.
     #[inline(always)]

@@ -131,7 +131,7 @@ fn where_no_coarse_mesh_is_as_good_the_file_is_as_if_none_was_asked_for() {
     };
     let (asked, not_asked) = (train(2), train(1));
     assert!(
-        matches!(asked.mesh_trials[..], [MeshTrial { triangles: None, loss_db, .. }] if loss_db > 0.1),
+        matches!(asked.mesh_trials[..], [MeshTrial { mesh: None, loss_db: Some(loss_db), .. }] if loss_db > 0.1),
         "{:?}",
         asked.mesh_trials
     );

@@ -77,7 +77,7 @@ pub fn with_coarser(mut source: Source, meshes: &[CoarserMesh]) -> Source {
     for CoarserMesh { triangles, originals, two_sided } in meshes {
         mesh.triangles.extend(triangles);
         for &original in originals {
-            mesh.two_sided.push(*two_sided);
+            mesh.two_sided.push(*two_sided || mesh.two_sided[original as usize]);
             mesh.triangle_regions.push(mesh.triangle_regions[original as usize]);
         }
         mesh.coarser.push(triangles.len() as u32);

@@ -11,7 +11,7 @@ use crate::optimize::descend::State;
 use crate::train::Trained;
 
 /// The last byte counts versions of what follows.
-const MAGIC: [u8; 8] = *b"DRMSCKP\x03";
+const MAGIC: [u8; 8] = *b"DRMSCKP\x04";
 
 /// Where things stand in the head.
 mod field {

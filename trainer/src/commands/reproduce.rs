@@ -46,7 +46,7 @@ pub(crate) struct Arguments {
     /// lapisgs, face-lod, formats: Gaussians of the finest level.
     #[arg(long, default_value_t = 75_000, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
     gaussians: u32,
-    /// face-lod: meshes, the first Gaussians standing on coarser ones.
+    /// face-lod: meshes at most, the first Gaussians standing on coarser ones where one is as good as the surface.
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
     mesh_levels: u32,
     /// What the few bits of the file's numbers may cost a level, dB [default: of the preset].

@@ -9,7 +9,7 @@ use dermis_trainer::checkpoint::Checkpoint;
 use dermis_trainer::describe::Info;
 use dermis_trainer::embed::detail::Detail;
 use dermis_trainer::embed::hierarchy::gaussians_of;
-use dermis_trainer::methods::{Culling, MeshTrial, Method};
+use dermis_trainer::methods::{Culling, MeshTrial, Method, TriedMesh};
 use dermis_trainer::model::Model;
 use dermis_trainer::movements::Edit;
 use dermis_trainer::options::{Options, Preset};
@@ -70,8 +70,8 @@ pub(crate) struct Arguments {
     detail: super::detail::DetailArguments,
     #[command(flatten)]
     regions: super::regions::RegionArguments,
-    /// Meshes: the first Gaussians stand on coarser ones, layer i on the i-th coarsest, so that an avatar far away poses few
-    /// vertices; 1: all on the surface itself.
+    /// Meshes at most: the first Gaussians stand on coarser ones, layer i on the i-th coarsest, so that an avatar far away poses
+    /// few vertices, where short trainings find one as good as the surface; 1: all on the surface itself.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=8))]
     mesh_levels: u32,
     /// How far a joint with all below it, or a morph target, moves the surface, in place of what is measured: little is left out
@@ -135,16 +135,19 @@ fn text(report: &Report) -> String {
     )
 }
 
-fn of_trial(trial: &MeshTrial) -> String {
-    let MeshTrial { gaussians, triangles, loss_db } = trial;
-    match triangles {
-        Some(triangles) => {
+fn of_trial(&MeshTrial { gaussians, mesh, loss_db }: &MeshTrial) -> String {
+    match (mesh, loss_db) {
+        (Some(TriedMesh { triangles, two_sided }), Some(loss_db)) => {
+            let sides = if two_sided { "both sides" } else { "the front" };
             format!(
-                "{gaussians} Gaussians on {triangles} triangles: {loss_db:+.2} dB lost in a trial\n"
+                "{gaussians} Gaussians on {triangles} triangles that show {sides}: {loss_db:+.2} dB lost in a trial\n"
             )
         }
-        None => format!(
+        (_, Some(loss_db)) => format!(
             "{gaussians} Gaussians stay on the surface: a coarser mesh lost {loss_db:.2} dB in a trial\n"
+        ),
+        (_, None) => format!(
+            "{gaussians} Gaussians stay on the surface: it has no more triangles than they need\n"
         ),
     }
 }

@@ -1,8 +1,8 @@
 //! Coarser meshes of the same vertices, for the first Gaussians to stand on (face-lod, 4.2).
 //!
 //! Where the paper weighs a vertex by its region, its distance, normal deviation and curvature, each region here has as
-//! many triangles as its share of the surface asks for, and edges collapse by quadrics of position, normal, and place in the training
-//! poses: joints that bend stay, and no vertex is new.
+//! many triangles as its share of the surface asks for, and edges collapse by quadrics of position, normal, and place in
+//! the training poses: joints that bend stay, and no vertex is new.
 
 use std::collections::HashMap;
 
@@ -26,7 +26,7 @@ pub struct CoarserMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Triangle of the model that lies nearest to the middle of each, in its own region.
     pub originals: Vec<u32>,
-    /// Whether they show their backs, too.
+    /// Whether all show their backs, too; those whose original does do anyway.
     pub two_sided: bool,
 }
 
@@ -51,7 +51,7 @@ impl Coarsener {
         Self { shapes, borders, parts, area }
     }
 
-    /// A mesh of about so many triangles that show their front; `None` if it has more than half of the surface's, or none.
+    /// A mesh of about so many triangles; `None` if it has more than half of the surface's, or none.
     pub fn mesh(&self, triangles: f64) -> Option<CoarserMesh> {
         let per_area = triangles / self.area.max(f64::MIN_POSITIVE);
         let mut mesh = CoarserMesh::default();

@@ -2,8 +2,9 @@
 //!
 //! Few triangles are cheap to pose, but how few still carry the picture, and whether they have to show their backs, depends on
 //! the avatar: an arm of five sides opens where a side turns away, and a white shirt shows the stripes of its back. So each
-//! level is tried: alone, its Gaussians spread evenly, it is trained for a while on pictures of the size that suits it,
-//! first on the surface, then on meshes of more and more triangles, until one does as well.
+//! level is tried: alone, placed by a survey of its own, it is trained for a while on pictures of the size that suits it, first
+//! on the surface, then on meshes of more and more triangles, until one does as well. That takes a few seconds for each layer,
+//! which a run that goes on from a checkpoint takes again, to the same end.
 
 use core::slice;
 
@@ -24,10 +25,13 @@ use crate::package;
 use crate::picture::{Picture, mean_square};
 use crate::truth::{Scratch, scaled};
 
-/// Triangles of a mesh for each Gaussian that is to stand on it, as they are tried.
+/// Triangles of a mesh for each Gaussian that is to stand on it, as they are tried. The most are less than four times the
+/// least, so that the mesh of a layer, four times as many Gaussians as the one before, is the finer one.
 const TRIANGLES_PER_GAUSSIAN: [f64; 4] = [0.65, 1.0, 1.5, 2.25];
 /// PSNR that a level may lose by its mesh in its trial, dB. What views and poses between the training's lose is up to 0.2 more.
 const MOST_LOSS_DB: f64 = 0.1;
+/// A mean squared error that nobody sees, of a pixel's three channels: a quarter of an 8-bit step of each.
+const UNSEEN: f64 = 3.0 * (0.25 / 255.0) * (0.25 / 255.0);
 /// Steps of a trial.
 const STEPS: u32 = 300;
 /// Pictures that tell how good it is, at most, each over black and over white.
@@ -38,15 +42,29 @@ const MOST_VIEWS: usize = 84;
 pub struct MeshTrial {
     /// Gaussians up to that layer.
     pub gaussians: u32,
-    /// Triangles of the mesh that it stands on; none: no coarser one does as well as the surface.
-    pub triangles: Option<u32>,
-    /// PSNR that its level lost by it in its trial, dB; without a mesh the least that one of them would have lost.
-    pub loss_db: f64,
+    /// The mesh that it stands on; none: no coarser one does as well as the surface.
+    pub mesh: Option<TriedMesh>,
+    /// PSNR that its level lost in its trial by that mesh and those of layers before, dB; without a mesh the least that one would
+    /// have lost. None if there was none to try.
+    pub loss_db: Option<f64>,
+}
+
+/// A mesh that was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TriedMesh {
+    /// Triangles.
+    pub triangles: u32,
+    /// Whether all show their backs, too.
+    pub two_sided: bool,
 }
 
 /// The meshes of as many layers as options ask for, from fine to coarse, and what was found layer by layer. From the first
 /// layer on for which there is none all stand on the surface.
-pub fn choose(
+///
+/// # Errors
+///
+/// Where a picture cannot be read, or a number is not finite.
+pub fn choose_meshes(
     model: &Model,
     source: &Source,
     setting: &Setting<'_>,
@@ -95,31 +113,28 @@ impl<'a> Level<'a> {
         before: &[CoarserMesh],
     ) -> Result<(Option<CoarserMesh>, MeshTrial)> {
         let gaussians = self.options.gaussians;
+        let least = before.first().map_or(0, |mesh| mesh.triangles.len());
+        let mut meshes: Vec<CoarserMesh> = TRIANGLES_PER_GAUSSIAN
+            .iter()
+            .filter_map(|per_gaussian| coarsener.mesh(f64::from(gaussians) * per_gaussian))
+            .filter(|mesh| mesh.triangles.len() > least)
+            .collect();
+        meshes.dedup_by_key(|mesh| mesh.triangles.len());
+        if meshes.is_empty() {
+            return Ok((None, MeshTrial { gaussians, mesh: None, loss_db: None }));
+        }
         let seeds = self.seeds()?;
         let surface = self.errors(&seeds, &[])?;
-        // Without backs there is less to blend; what does less well at first is not tried again.
-        let mut sides = vec![false, true];
-        let mut least = f64::INFINITY;
-        for per_gaussian in TRIANGLES_PER_GAUSSIAN {
-            let Some(mesh) = coarsener.mesh(f64::from(gaussians) * per_gaussian) else { break };
-            let triangles = mesh.triangles.len() as u32;
-            let mut losses = Vec::new();
-            for two_sided in sides {
-                let mesh = CoarserMesh { two_sided, ..mesh.clone() };
-                let ratios = self.errors(&seeds, &[&[mesh.clone()], before].concat())?;
-                let ratios = ratios.iter().zip(surface).map(|(error, surface)| error / surface);
-                let loss_db = 10.0 * ratios.fold(0.0, f64::max).log10();
-                if loss_db <= MOST_LOSS_DB {
-                    let trial = MeshTrial { gaussians, triangles: Some(triangles), loss_db };
-                    return Ok((Some(mesh), trial));
-                }
-                losses.push((loss_db, two_sided));
-            }
-            losses.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-            sides = losses.iter().map(|&(_, two_sided)| two_sided).take(1).collect();
-            least = losses.iter().fold(least, |least, &(loss_db, _)| least.min(loss_db));
-        }
-        Ok((None, MeshTrial { gaussians, triangles: None, loss_db: least }))
+        let loss_db = |mesh: &CoarserMesh| {
+            let errors = self.errors(&seeds, &[slice::from_ref(mesh), before].concat())?;
+            Ok(loss_db(errors, surface))
+        };
+        let (mesh, loss_db) = first_as_good(meshes, loss_db)?;
+        let taken = mesh.as_ref().map(|mesh| TriedMesh {
+            triangles: mesh.triangles.len() as u32,
+            two_sided: mesh.two_sided,
+        });
+        Ok((mesh, MeshTrial { gaussians, mesh: taken, loss_db: Some(loss_db) }))
     }
 
     fn workshop(&self, source: &Source) -> Result<Workshop<'_>> {
@@ -132,7 +147,7 @@ impl<'a> Level<'a> {
         self.workshop(self.source)?.place(&self.options.layers(gaussians), |_| gaussians)
     }
 
-    /// Mean squared errors, over black and over white, of the level after a trial on such meshes, from fine to coarse.
+    /// Mean squared errors, before black and before white, of the level after a trial on such meshes, from fine to coarse.
     fn errors(&self, seeds: &[Seed], meshes: &[CoarserMesh]) -> Result<[f64; 2]> {
         let source = package::with_coarser(self.source.clone(), meshes);
         let mut shop = self.workshop(&source)?;
@@ -141,12 +156,47 @@ impl<'a> Level<'a> {
         (schedule.steps, schedule.shift) = (STEPS, self.shift);
         (schedule.warm_up, schedule.finish) = (0.0, 0.0);
         let clouds = shop.descend(clouds, &schedule)?;
-        errors(&clouds, &shop.problem(), self.shift)
+        errors_of(&clouds, &shop.problem(), self.shift)
     }
 }
 
-/// Of pictures of 1/2^`shift` of the size.
-fn errors(clouds: &[Cloud], problem: &Problem<'_>, shift: u32) -> Result<[f64; 2]> {
+/// Of `meshes`, from coarse to fine, the first that loses no more than may be lost, with its loss; if none does the least
+/// loss of all. Each is tried with its front first, as that has less to blend; of the sides what loses more by the first mesh
+/// is not tried again.
+fn first_as_good(
+    meshes: Vec<CoarserMesh>,
+    mut loss_db: impl FnMut(&CoarserMesh) -> Result<f64>,
+) -> Result<(Option<CoarserMesh>, f64)> {
+    let mut sides = vec![false, true];
+    let mut least = f64::INFINITY;
+    for mesh in meshes {
+        let mut losses = Vec::new();
+        for &two_sided in &sides {
+            let mesh = CoarserMesh { two_sided, ..mesh.clone() };
+            let loss_db = loss_db(&mesh)?;
+            if loss_db <= MOST_LOSS_DB {
+                return Ok((Some(mesh), loss_db));
+            }
+            losses.push((loss_db, two_sided));
+        }
+        let best = losses.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
+        if let Some((loss_db, two_sided)) = best {
+            least = least.min(loss_db);
+            sides = vec![two_sided];
+        }
+    }
+    Ok((None, least))
+}
+
+/// The greater loss of the two backgrounds, dB; errors that nobody sees are no loss.
+fn loss_db(errors: [f64; 2], surface: [f64; 2]) -> f64 {
+    let ratio = |(error, surface): (f64, f64)| (error + UNSEEN) / (surface + UNSEEN);
+    let losses = errors.into_iter().zip(surface).map(|pair| 10.0 * ratio(pair).log10());
+    losses.fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Mean squared errors, before black and before white, of clouds in the training views at 1/2^`shift` of their size.
+fn errors_of(clouds: &[Cloud], problem: &Problem<'_>, shift: u32) -> Result<[f64; 2]> {
     let prefixes = Prefix::whole(clouds);
     let (mut reading, mut truth) = (Scratch::default(), Picture::default());
     let (mut sums, mut pictures) = ([0.0; 2], 0u32);
@@ -161,4 +211,48 @@ fn errors(clouds: &[Cloud], problem: &Problem<'_>, shift: u32) -> Result<[f64; 2
         pictures += 1;
     }
     Ok(sums.map(|sum| sum / f64::from(pictures.max(1))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is tried of meshes of 1, 2 and 3 triangles, and what is taken, where a mesh's front and both sides lose so much.
+    fn tried(losses: [[f64; 2]; 3]) -> (Vec<(usize, bool)>, Option<(usize, bool)>, f64) {
+        let mesh = |len| CoarserMesh { triangles: vec![[0; 3]; len], ..CoarserMesh::default() };
+        let mut tried = Vec::new();
+        let of = |mesh: &CoarserMesh| (mesh.triangles.len(), mesh.two_sided);
+        let taken = first_as_good((1..=3).map(mesh).collect(), |mesh| {
+            tried.push(of(mesh));
+            Ok(losses[mesh.triangles.len() - 1][usize::from(mesh.two_sided)])
+        });
+        let (mesh, loss_db) = taken.expect("nothing fails");
+        (tried, mesh.as_ref().map(of), loss_db)
+    }
+
+    #[test]
+    fn the_coarsest_mesh_that_is_as_good_is_taken_and_the_worse_sides_are_tried_once() {
+        let (front, both) = (false, true);
+        assert_eq!(tried([[0.05, -9.0]; 3]), (vec![(1, front)], Some((1, front)), 0.05));
+        let once = [[2.0, 0.1], [9.0; 2], [9.0; 2]];
+        assert_eq!(tried(once), (vec![(1, front), (1, both)], Some((1, both)), 0.1));
+        let later = [[2.0, 1.0], [0.0, 0.5], [0.0, 0.2]];
+        let all = vec![(1, front), (1, both), (2, both), (3, both)];
+        assert_eq!(tried(later), (all, None, 0.2));
+        let fronts = [[1.0, 2.0], [0.5, 0.0], [-0.3, 0.0]];
+        let all = vec![(1, front), (1, both), (2, front), (3, front)];
+        assert_eq!(tried(fronts), (all, Some((3, front)), -0.3));
+        assert_eq!(tried([[f64::NAN; 2]; 3]).1, None, "what is no number is not as good");
+    }
+
+    #[test]
+    fn the_worse_background_counts_and_errors_that_nobody_sees_do_not() {
+        assert!((loss_db([0.02, 0.01], [0.01, 0.01]) - 3.01).abs() < 0.01);
+        assert!((loss_db([0.01, 0.02], [0.04, 0.01]) - 3.01).abs() < 0.01);
+        for surface in [0.0, 1e-9, UNSEEN / 50.0] {
+            let loss = loss_db([surface, UNSEEN / 50.0], [0.0, surface]);
+            assert!(loss.abs() < MOST_LOSS_DB, "{loss}");
+        }
+        assert!(loss_db([f64::INFINITY, 0.0], [0.0; 2]) > 1e9);
+    }
 }

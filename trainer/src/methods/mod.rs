@@ -18,7 +18,7 @@ mod samples;
 mod workshop;
 
 pub use culling::Culling;
-pub use mesh_trials::{MeshTrial, choose as choose_meshes};
+pub use mesh_trials::{MeshTrial, TriedMesh, choose_meshes};
 pub use parts::Parts;
 pub use workshop::{Setting, Workshop};
 

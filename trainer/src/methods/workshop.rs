@@ -211,7 +211,7 @@ impl<'a> Workshop<'a> {
 
     /// Gaussians spread over the surface, coarse to fine, by the density of each triangle, `layers` of them (fewer
     /// in the last ones where there is no room). Those of layer i are as wide as `spread_over(i)` of them ask for.
-    pub(super) fn spread_out(
+    fn spread_out(
         &mut self,
         layers: &[u32],
         spread_over: impl Fn(usize) -> u32 + Sync,
