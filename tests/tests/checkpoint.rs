@@ -103,6 +103,15 @@ fn regions_go_on_after_interruptions() {
     survives_interruptions("pieces_regions", &options);
 }
 
+/// Trials of coarser meshes are done again by each run, by other threads, and must come to the same.
+#[test]
+fn coarser_meshes_go_on_after_interruptions() {
+    let options = Options { mesh_levels: 2, ..small(Method::Dermis) };
+    survives_interruptions("pieces_coarser", &options);
+    let (_, trained) = trained_demo(&options);
+    assert!(trained.mesh_trials[0].mesh.is_some(), "{:?}", trained.mesh_trials);
+}
+
 #[test]
 fn lodavatar_goes_on_after_interruptions() {
     survives_interruptions("pieces_lodavatar", &small(Method::Lodavatar));

@@ -217,32 +217,40 @@ fn errors_of(clouds: &[Cloud], problem: &Problem<'_>, shift: u32) -> Result<[f64
 mod tests {
     use super::*;
 
-    /// What is tried of meshes of 1, 2 and 3 triangles, and what is taken, where a mesh's front and both sides lose so much.
-    fn tried(losses: [[f64; 2]; 3]) -> (Vec<(usize, bool)>, Option<(usize, bool)>, f64) {
+    const FRONT: bool = false;
+    const BOTH: bool = true;
+
+    /// Asserts which of meshes of 1, 2 and 3 triangles are tried, and which is taken, where fronts and both sides lose so much.
+    fn check(
+        losses: [[f64; 2]; 3],
+        tried: &[(usize, bool)],
+        taken: Option<(usize, bool)>,
+        loss_db: f64,
+    ) {
         let mesh = |len| CoarserMesh { triangles: vec![[0; 3]; len], ..CoarserMesh::default() };
-        let mut tried = Vec::new();
         let of = |mesh: &CoarserMesh| (mesh.triangles.len(), mesh.two_sided);
-        let taken = first_as_good((1..=3).map(mesh).collect(), |mesh| {
-            tried.push(of(mesh));
+        let mut found = Vec::new();
+        let result = first_as_good((1..=3).map(mesh).collect(), |mesh| {
+            found.push(of(mesh));
             Ok(losses[mesh.triangles.len() - 1][usize::from(mesh.two_sided)])
         });
-        let (mesh, loss_db) = taken.expect("nothing fails");
-        (tried, mesh.as_ref().map(of), loss_db)
+        let (mesh, loss) = result.expect("nothing fails");
+        assert_eq!((&found[..], mesh.as_ref().map(of), loss), (tried, taken, loss_db));
     }
 
     #[test]
     fn the_coarsest_mesh_that_is_as_good_is_taken_and_the_worse_sides_are_tried_once() {
-        let (front, both) = (false, true);
-        assert_eq!(tried([[0.05, -9.0]; 3]), (vec![(1, front)], Some((1, front)), 0.05));
+        check([[0.05, -9.0]; 3], &[(1, FRONT)], Some((1, FRONT)), 0.05);
         let once = [[2.0, 0.1], [9.0; 2], [9.0; 2]];
-        assert_eq!(tried(once), (vec![(1, front), (1, both)], Some((1, both)), 0.1));
-        let later = [[2.0, 1.0], [0.0, 0.5], [0.0, 0.2]];
-        let all = vec![(1, front), (1, both), (2, both), (3, both)];
-        assert_eq!(tried(later), (all, None, 0.2));
+        check(once, &[(1, FRONT), (1, BOTH)], Some((1, BOTH)), 0.1);
+        let none = [[2.0, 1.0], [0.0, 0.5], [0.0, 0.2]];
+        check(none, &[(1, FRONT), (1, BOTH), (2, BOTH), (3, BOTH)], None, 0.2);
         let fronts = [[1.0, 2.0], [0.5, 0.0], [-0.3, 0.0]];
-        let all = vec![(1, front), (1, both), (2, front), (3, front)];
-        assert_eq!(tried(fronts), (all, Some((3, front)), -0.3));
-        assert_eq!(tried([[f64::NAN; 2]; 3]).1, None, "what is no number is not as good");
+        let tried = [(1, FRONT), (1, BOTH), (2, FRONT), (3, FRONT)];
+        check(fronts, &tried, Some((3, FRONT)), -0.3);
+        // What is no number is not as good.
+        let numbers = [[f64::NAN; 2], [f64::NAN; 2], [0.0; 2]];
+        check(numbers, &tried, Some((3, FRONT)), 0.0);
     }
 
     #[test]
