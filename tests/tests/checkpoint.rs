@@ -106,7 +106,7 @@ fn regions_go_on_after_interruptions() {
 /// Trials of coarser meshes are done again by each run, by other threads, and must come to the same.
 #[test]
 fn coarser_meshes_go_on_after_interruptions() {
-    let options = Options { mesh_levels: 2, ..small(Method::Dermis) };
+    let options = Options { mesh_levels: 2, levels: 3, ..small(Method::Dermis) };
     survives_interruptions("pieces_coarser", &options);
     let (_, trained) = trained_demo(&options);
     assert!(trained.mesh_trials[0].mesh.is_some(), "{:?}", trained.mesh_trials);
