@@ -1,7 +1,8 @@
 //! Training that may be killed at any moment and goes on when it is run again, to the same bytes.
 //!
 //! A run is a row of descents ([`crate::methods`]). All between them follows from the mesh, the options and what the
-//! descents before came to, and is done again; only descents are kept. In the folder lie
+//! descents before came to, and is done again, as are the short ones that try coarser meshes; only descents are kept. In the
+//! folder lie
 //!
 //! | file | holds |
 //! |---|---|
