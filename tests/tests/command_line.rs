@@ -188,6 +188,11 @@ fn wrong_names_and_numbers() {
     misuses(&folder, "train mesh.glb -o out.dermis --gaussians 0", "--gaussians");
     misuses(&folder, "train mesh.glb -o out.dermis --views 43", "--views");
     misuses(&folder, "train mesh.glb -o out.dermis --preset quick", "--preset");
+    misuses(&folder, "train mesh.glb -o out.dermis --random-background 1.1", "--random-background");
+    for color in ["1,1", "0,0,2", "black", "0,0,0,0", "nan,0,0"] {
+        let eval = "eval a.dermis --mesh mesh.glb --background";
+        misuses(&folder, &format!("{eval} {color}"), "--background");
+    }
     misuses(
         &folder,
         "train mesh.glb -o out.dermis --method lodavatar --gaussians 5",
@@ -449,6 +454,27 @@ fn json_has_the_keys_of_the_design() {
     assert_eq!(rows[1]["psnr_foreground_db"], whole["psnr_foreground_db"]);
     fails(&folder, "eval b.dermis --mesh mesh.glb --prefix 2", &["b.dermis: ", " 2 %", "; "]);
     assert_eq!(names(&folder), ["a.dermis", "a.png", "b.dermis", "mesh.glb"]);
+}
+
+/// Before backgrounds that training has not seen a picture is worse.
+#[test]
+fn backgrounds_are_as_asked_for() {
+    let folder = empty_folder("backgrounds");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    let [never, always] = [0, 1].map(|share| {
+        let train = format!("train mesh.glb -o a.dermis {TINY} --steps 120");
+        json(&folder, &format!("{train} --random-background {share}"));
+        ["", "--background 1,1,1", "--background 0,0,0"].map(|background| {
+            let eval = "eval a.dermis --mesh mesh.glb --size 24 --views 4 --budgets 50";
+            let eval = json(&folder, &format!("{eval} {background}"));
+            let rows = eval["rows"].as_array().expect("rows are a list");
+            rows[1]["psnr_foreground_db"].as_f64().expect("a number")
+        })
+    });
+    println!("usual, white, black: {never:.1?} never, {always:.1?} always");
+    assert_eq!((never[0], always[0]), (never[1], always[1]));
+    let lost_before_black = |[_, white, black]: [f64; 3]| white - black;
+    assert!(lost_before_black(always) < lost_before_black(never) - 0.5);
 }
 
 #[test]

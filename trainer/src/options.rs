@@ -57,6 +57,9 @@ pub struct Options {
     pub loss: Loss,
     /// What a blend in each pixel of a picture adds to the loss: pictures that are cheaper to draw.
     pub blend_price: f32,
+    /// Share of the steps before a background of a random colour, without which parts as bright as [`Self::background`]
+    /// would be free to be transparent.
+    pub random_background: f32,
     /// Whether each level's Gaussians have parameters of their own.
     pub per_level: bool,
     /// How prefixes are drawn.
@@ -100,6 +103,7 @@ impl Options {
             max_loss_db,
             loss: Loss::default(),
             blend_price: 0.0,
+            random_background: 0.3,
             per_level: true,
             nested: Nested {
                 whole: 0.35,
@@ -133,7 +137,7 @@ impl Options {
             warm_up: self.warm_up,
             finish: self.finish,
             max_loss_db: self.max_loss_db,
-            random_background: 0.3,
+            random_background: self.random_background,
         }
     }
 

@@ -37,6 +37,9 @@ pub(crate) struct Arguments {
     /// Width and height of the pictures, px.
     #[arg(long, default_value_t = 540, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: u32,
+    /// Behind the avatar, 0 to 1.
+    #[arg(long, default_value = "1,1,1", value_name = "R,G,B", value_parser = super::color)]
+    background: [f32; 3],
 }
 
 /// In (0, 100].
@@ -52,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         key_frames: arguments.keyframes,
         views: arguments.views,
         size: arguments.size,
-        background: [1.0; 3],
+        background: arguments.background,
         budgets: arguments.budgets.clone(),
         prefixes: arguments.prefix.clone(),
         packed: packed::is_packed(&bytes).then_some(bytes),

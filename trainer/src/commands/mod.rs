@@ -59,6 +59,18 @@ fn not_negative(text: &str) -> Result<f32, String> {
     finite(text).ok().filter(|&x| x >= 0.0).ok_or_else(|| "give a number not below 0".into())
 }
 
+/// A number from 0 to 1.
+fn share(text: &str) -> Result<f32, String> {
+    finite(text).ok().filter(|x| (0.0..=1.0).contains(x)).ok_or_else(|| "give 0 to 1".into())
+}
+
+/// Three such numbers.
+fn color(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(share).collect();
+    let color = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+    color.ok_or_else(|| "give red, green and blue from 0 to 1, as in 0,0,0".into())
+}
+
 /// A finite number above 0.
 fn positive(text: &str) -> Result<f32, String> {
     finite(text).ok().filter(|&x| x > 0.0).ok_or_else(|| "give a number above 0".into())

@@ -51,6 +51,10 @@ pub(crate) struct Arguments {
     /// What a blend in each pixel adds to the loss, say 0.001: pictures that are cheaper to draw.
     #[arg(long, default_value_t = 0.0, value_name = "X", value_parser = super::not_negative)]
     blend_price: f32,
+    /// Share of the steps before backgrounds of random colours, 0 to 1: the more, the less is seen of a dark world through a white
+    /// avatar, and the worse it is before white [default: of the preset].
+    #[arg(long, value_name = "SHARE", value_parser = super::share)]
+    random_background: Option<f32>,
     /// PSNR that the few bits of the file's numbers may cost, dB; 0: 8 bits for each number [default: of the preset].
     #[arg(long, value_name = "DB", value_parser = super::not_negative)]
     max_loss_db: Option<f32>,
@@ -190,6 +194,7 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         steps: arguments.steps.unwrap_or(preset.steps),
         survey_steps: arguments.survey_steps.unwrap_or(preset.survey_steps),
         blend_price: arguments.blend_price,
+        random_background: arguments.random_background.unwrap_or(preset.random_background),
         max_loss_db: arguments.max_loss_db.unwrap_or(preset.max_loss_db),
         views: arguments.views.unwrap_or(preset.views),
         key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
