@@ -58,10 +58,10 @@ impl Posed<'_, '_> {
     ///
     /// Some triangles are looked at, which stand for the others: those that the file names, which training has chosen. Of a
     /// figure of 3,000 triangles, from 24 places and 1.5 to 6 m, as a whole or as it leaves the frame on any side, areas come out
-    /// within 7 % of the whole sum, of either sign. Where
-    /// the file names none, of a large mesh runs of sixteen triangles, evenly spread, about 500 triangles a region: that is
-    /// within 10 % where sizes and slopes change smoothly along the mesh and all of it is in the frame. Of a region that would be found to cover nothing all are looked at; with how far their Gaussians reach, too,
-    /// where the file names none or that finds nothing.
+    /// within 7 % of the whole sum, of either sign. Where the file names none, of a large mesh runs of sixteen triangles, evenly
+    /// spread, about 500 triangles a region: that is within 10 % where sizes and slopes change smoothly along the mesh and all of
+    /// it is in the frame. Of a region that would be found to cover nothing all are looked at; with how far their Gaussians
+    /// reach, too, where the file names none or that finds nothing.
     pub fn footprints(&self, camera: &Camera) -> Footprints {
         let view = View::new(camera);
         let regions = usize::from(self.avatar().header().regions);

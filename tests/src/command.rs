@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use serde_json::Value;
+
 /// The folder of this build's profile, such as `target/debug`.
 fn profile() -> PathBuf {
     let test = std::env::current_exe().expect("a test has a path");
@@ -114,4 +116,29 @@ pub fn misuses(folder: &Path, arguments: &str, option: &str) {
     let run = run_in_vain(folder, arguments);
     assert_eq!(run.code, Some(2), "{arguments}: {run:?}");
     assert!(run.stderr.contains(option), "{arguments}: {option:?} is not in {:?}", run.stderr);
+}
+
+/// The one JSON object on stdout, and nothing else there.
+///
+/// # Panics
+///
+/// Where it is not so.
+pub fn json(folder: &Path, arguments: &str) -> Value {
+    let run = run(folder, &format!("{arguments} --json"));
+    assert_eq!(run.code, Some(0), "{arguments}: {run:?}");
+    assert_eq!(run.stdout.lines().count(), 1, "{arguments}: one line");
+    let value: Value = serde_json::from_str(&run.stdout).expect("stdout is JSON");
+    assert!(value.is_object(), "{arguments}: an object");
+    value
+}
+
+/// Whether a JSON object has all keys, which blanks separate.
+///
+/// # Panics
+///
+/// Where one is missing.
+pub fn has_keys(value: &Value, keys: &str) {
+    for key in keys.split_whitespace() {
+        assert!(value.get(key).is_some(), "no {key} in {value}");
+    }
 }

@@ -68,8 +68,8 @@ pub struct Options {
     pub detail: Detail,
     /// Parts of the mesh with an order of their own, beside the rest; of [`Method::Dermis`] alone.
     pub regions: Vec<Region>,
-    /// Meshes at most, the first Gaussians standing on coarser ones where trials find one as good: layer i on the i-th coarsest. 1: all on the surface
-    /// itself, as by all methods but [`Method::Dermis`].
+    /// Meshes at most, the first Gaussians standing on coarser ones where trials find one as good: layer i on the i-th coarsest.
+    /// 1: all on the surface itself, as by all methods but [`Method::Dermis`].
     pub mesh_levels: u32,
     /// How far joints and morph targets move the mesh, where the author knows better than what is measured.
     pub movements: Vec<Edit>,

@@ -139,21 +139,19 @@ fn text(report: &Report) -> String {
     )
 }
 
-fn of_trial(&MeshTrial { gaussians, mesh, loss_db }: &MeshTrial) -> String {
-    match (mesh, loss_db) {
-        (Some(TriedMesh { triangles, two_sided }), Some(loss_db)) => {
-            let sides = if two_sided { "both sides" } else { "the front" };
-            format!(
-                "{gaussians} Gaussians on {triangles} triangles that show {sides}: {loss_db:+.2} dB lost in a trial\n"
-            )
-        }
-        (_, Some(loss_db)) => format!(
-            "{gaussians} Gaussians stay on the surface: a coarser mesh lost {loss_db:.2} dB in a trial\n"
-        ),
-        (_, None) => format!(
-            "{gaussians} Gaussians stay on the surface: it has no more triangles than they need\n"
-        ),
-    }
+fn of_trial(MeshTrial { gaussians, tried, is_taken }: &MeshTrial) -> String {
+    let mesh = |&TriedMesh { triangles, two_sided, loss_db }: &TriedMesh| {
+        let sides = if two_sided { "both sides" } else { "front" };
+        format!("{triangles} triangles, {sides}: {loss_db:+.2} dB lost")
+    };
+    let tried: Vec<String> = tried.iter().map(mesh).collect();
+    let stands = match (is_taken, tried.is_empty()) {
+        (true, _) => "stand on the last mesh tried",
+        (false, false) => "stay on the surface, as no coarser mesh does as well",
+        (false, true) => "stay on the surface, as no mesh is coarse enough",
+    };
+    let tried = tried.iter().map(|mesh| format!("  tried {mesh}\n")).collect::<String>();
+    format!("{gaussians} Gaussians {stands}\n{tried}")
 }
 
 /// LoDAvatar's count follows from the mesh, and grows by 4 with each level.

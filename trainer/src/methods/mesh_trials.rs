@@ -38,24 +38,25 @@ const STEPS: u32 = 300;
 const MOST_VIEWS: usize = 84;
 
 /// What was found for a layer.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshTrial {
     /// Gaussians up to that layer.
     pub gaussians: u32,
-    /// The mesh that it stands on; none: no coarser one does as well as the surface.
-    pub mesh: Option<TriedMesh>,
-    /// PSNR that its level lost in its trial by that mesh and those of layers before, dB; without a mesh the least that one would
-    /// have lost. None if there was none to try.
-    pub loss_db: Option<f64>,
+    /// What was tried, in turn; nothing where no mesh has fewer triangles than they need.
+    pub tried: Vec<TriedMesh>,
+    /// Whether the layer stands on the last of these; if not, on the surface, as none does as well.
+    pub is_taken: bool,
 }
 
-/// A mesh that was taken.
+/// A mesh that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriedMesh {
     /// Triangles.
     pub triangles: u32,
     /// Whether all show their backs, too.
     pub two_sided: bool,
+    /// PSNR that the level lost by it and the meshes of layers before, to all on the surface, dB.
+    pub loss_db: f64,
 }
 
 /// The meshes of as many layers as options ask for, from fine to coarse, and what was found layer by layer. From the first
@@ -121,7 +122,7 @@ impl<'a> Level<'a> {
             .collect();
         meshes.dedup_by_key(|mesh| mesh.triangles.len());
         if meshes.is_empty() {
-            return Ok((None, MeshTrial { gaussians, mesh: None, loss_db: None }));
+            return Ok((None, MeshTrial { gaussians, tried: Vec::new(), is_taken: false }));
         }
         let seeds = self.seeds()?;
         let surface = self.errors(&seeds, &[])?;
@@ -129,12 +130,9 @@ impl<'a> Level<'a> {
             let errors = self.errors(&seeds, &[slice::from_ref(mesh), before].concat())?;
             Ok(loss_db(errors, surface))
         };
-        let (mesh, loss_db) = first_as_good(meshes, loss_db)?;
-        let taken = mesh.as_ref().map(|mesh| TriedMesh {
-            triangles: mesh.triangles.len() as u32,
-            two_sided: mesh.two_sided,
-        });
-        Ok((mesh, MeshTrial { gaussians, mesh: taken, loss_db: Some(loss_db) }))
+        let (mesh, tried) = first_as_good(meshes, loss_db)?;
+        let is_taken = mesh.is_some();
+        Ok((mesh, MeshTrial { gaussians, tried, is_taken }))
     }
 
     fn workshop(&self, source: &Source) -> Result<Workshop<'_>> {
@@ -160,39 +158,37 @@ impl<'a> Level<'a> {
     }
 }
 
-/// Of `meshes`, from coarse to fine, the first that loses no more than may be lost, with its loss; if none does the least
-/// loss of all. Each is tried with its front first, as that has less to blend; of the sides what loses more by the first mesh
-/// is not tried again.
+/// Of `meshes`, from coarse to fine, the first that loses no more than may be lost, and what was tried until then. Each is
+/// tried with its front first, as that has less to blend; of the sides what loses more by the first mesh is not tried again.
 fn first_as_good(
     meshes: Vec<CoarserMesh>,
     mut loss_db: impl FnMut(&CoarserMesh) -> Result<f64>,
-) -> Result<(Option<CoarserMesh>, f64)> {
+) -> Result<(Option<CoarserMesh>, Vec<TriedMesh>)> {
     let mut sides = vec![false, true];
-    let mut least = f64::INFINITY;
+    let mut tried: Vec<TriedMesh> = Vec::new();
     for mesh in meshes {
-        let mut losses = Vec::new();
         for &two_sided in &sides {
             let mesh = CoarserMesh { two_sided, ..mesh.clone() };
-            let loss_db = loss_db(&mesh)?;
+            let (triangles, loss_db) = (mesh.triangles.len() as u32, loss_db(&mesh)?);
+            tried.push(TriedMesh { triangles, two_sided, loss_db });
             if loss_db <= MOST_LOSS_DB {
-                return Ok((Some(mesh), loss_db));
+                return Ok((Some(mesh), tried));
             }
-            losses.push((loss_db, two_sided));
         }
-        let best = losses.into_iter().min_by(|(a, _), (b, _)| a.total_cmp(b));
-        if let Some((loss_db, two_sided)) = best {
-            least = least.min(loss_db);
-            sides = vec![two_sided];
-        }
+        let last = &tried[tried.len() - sides.len()..];
+        let better = last.iter().min_by(|a, b| a.loss_db.total_cmp(&b.loss_db));
+        sides = better.iter().map(|better| better.two_sided).collect();
     }
-    Ok((None, least))
+    Ok((None, tried))
 }
 
-/// The greater loss of the two backgrounds, dB; errors that nobody sees are no loss.
+/// The greater loss of the two backgrounds, dB; errors that nobody sees are no loss, and what is no number is an infinite one.
 fn loss_db(errors: [f64; 2], surface: [f64; 2]) -> f64 {
-    let ratio = |(error, surface): (f64, f64)| (error + UNSEEN) / (surface + UNSEEN);
-    let losses = errors.into_iter().zip(surface).map(|pair| 10.0 * ratio(pair).log10());
-    losses.fold(f64::NEG_INFINITY, f64::max)
+    let loss = |(error, surface): (f64, f64)| {
+        let loss_db = 10.0 * ((error + UNSEEN) / (surface + UNSEEN)).log10();
+        if loss_db.is_nan() { f64::INFINITY } else { loss_db }
+    };
+    errors.into_iter().zip(surface).map(loss).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Mean squared errors, before black and before white, of clouds in the training views at 1/2^`shift` of their size.
@@ -220,37 +216,35 @@ mod tests {
     const FRONT: bool = false;
     const BOTH: bool = true;
 
-    /// Asserts which of meshes of 1, 2 and 3 triangles are tried, and which is taken, where fronts and both sides lose so much.
-    fn check(
-        losses: [[f64; 2]; 3],
-        tried: &[(usize, bool)],
-        taken: Option<(usize, bool)>,
-        loss_db: f64,
-    ) {
+    /// Asserts which of meshes of 1, 2 and 3 triangles are tried, and that the last one is taken, or none, where fronts and
+    /// both sides lose so much.
+    fn check(losses: [[f64; 2]; 3], tried: &[(u32, bool)], is_taken: bool) {
         let mesh = |len| CoarserMesh { triangles: vec![[0; 3]; len], ..CoarserMesh::default() };
-        let of = |mesh: &CoarserMesh| (mesh.triangles.len(), mesh.two_sided);
-        let mut found = Vec::new();
-        let result = first_as_good((1..=3).map(mesh).collect(), |mesh| {
-            found.push(of(mesh));
-            Ok(losses[mesh.triangles.len() - 1][usize::from(mesh.two_sided)])
+        let loss_db = |len: u32, two_sided: bool| losses[len as usize - 1][usize::from(two_sided)];
+        let found = first_as_good((1..=3).map(mesh).collect(), |mesh| {
+            Ok(loss_db(mesh.triangles.len() as u32, mesh.two_sided))
         });
-        let (mesh, loss) = result.expect("nothing fails");
-        assert_eq!((&found[..], mesh.as_ref().map(of), loss), (tried, taken, loss_db));
+        let (mesh, found) = found.expect("nothing fails");
+        let expected: Vec<TriedMesh> = (tried.iter())
+            .map(|&(triangles, two_sided)| TriedMesh {
+                triangles,
+                two_sided,
+                loss_db: loss_db(triangles, two_sided),
+            })
+            .collect();
+        assert_eq!(found, expected);
+        let taken = mesh.map(|mesh| (mesh.triangles.len() as u32, mesh.two_sided));
+        assert_eq!(taken, tried.last().copied().filter(|_| is_taken));
     }
 
     #[test]
     fn the_coarsest_mesh_that_is_as_good_is_taken_and_the_worse_sides_are_tried_once() {
-        check([[0.05, -9.0]; 3], &[(1, FRONT)], Some((1, FRONT)), 0.05);
-        let once = [[2.0, 0.1], [9.0; 2], [9.0; 2]];
-        check(once, &[(1, FRONT), (1, BOTH)], Some((1, BOTH)), 0.1);
+        check([[0.05, -9.0]; 3], &[(1, FRONT)], true);
+        check([[2.0, 0.1], [9.0; 2], [9.0; 2]], &[(1, FRONT), (1, BOTH)], true);
         let none = [[2.0, 1.0], [0.0, 0.5], [0.0, 0.2]];
-        check(none, &[(1, FRONT), (1, BOTH), (2, BOTH), (3, BOTH)], None, 0.2);
+        check(none, &[(1, FRONT), (1, BOTH), (2, BOTH), (3, BOTH)], false);
         let fronts = [[1.0, 2.0], [0.5, 0.0], [-0.3, 0.0]];
-        let tried = [(1, FRONT), (1, BOTH), (2, FRONT), (3, FRONT)];
-        check(fronts, &tried, Some((3, FRONT)), -0.3);
-        // What is no number is not as good.
-        let numbers = [[f64::NAN; 2], [f64::NAN; 2], [0.0; 2]];
-        check(numbers, &tried, Some((3, FRONT)), 0.0);
+        check(fronts, &[(1, FRONT), (1, BOTH), (2, FRONT), (3, FRONT)], true);
     }
 
     #[test]
@@ -261,6 +255,9 @@ mod tests {
             let loss = loss_db([surface, UNSEEN / 50.0], [0.0, surface]);
             assert!(loss.abs() < MOST_LOSS_DB, "{loss}");
         }
-        assert!(loss_db([f64::INFINITY, 0.0], [0.0; 2]) > 1e9);
+        for not_a_loss in [f64::INFINITY, f64::NAN, -f64::NAN] {
+            assert_eq!(loss_db([not_a_loss; 2], [0.01; 2]), f64::INFINITY);
+            assert_eq!(loss_db([0.01, not_a_loss], [0.01; 2]), f64::INFINITY);
+        }
     }
 }
