@@ -43,12 +43,11 @@ pub(super) fn measure(clouds: &[Cloud], problem: &Problem<'_>) -> Result<Culling
             two_sided: vec![true; stage.two_sided.len()].into(),
         })
         .collect();
-    let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
     let mut reading = Scratch::default();
     let [mut white, mut black] = [Picture::default(), Picture::default()];
     let mut sums = [Drawn::default(); 2];
     let mut pictures = 0u32;
-    for view in problem.views.iter().step_by(step) {
+    for view in problem.some_views(MOST_VIEWS) {
         view.truth.draw([1.0; 3], 0, &mut reading, &mut white)?;
         view.truth.draw([0.0; 3], 0, &mut reading, &mut black)?;
         let mask = covered(&white, &black);

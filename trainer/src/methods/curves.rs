@@ -36,13 +36,12 @@ pub(super) fn measure(
     kind: FrameKind,
     regions: &Regions,
 ) -> Result<MeasuredCurves> {
-    let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
     let layers = clouds.iter().map(|cloud| cloud.layers.len()).max().unwrap_or(0);
     let mut octaves =
         vec![vec![vec![Sums::default(); stops(layers)]; clouds.len()]; OCTAVES as usize];
     let mut near = vec![vec![Sums::default(); stops(layers)]; clouds.len()];
     let mut densities = Vec::new();
-    for (index, view) in problem.views.iter().step_by(step).enumerate() {
+    for (index, view) in problem.some_views(MOST_VIEWS).enumerate() {
         let (footprints, density) = footprints(view, &problem.stages[view.stage], kind, regions);
         densities.push(libm::log2f(density));
         for (octave, sums) in (0..).zip(&mut octaves) {

@@ -196,8 +196,7 @@ fn errors_of(clouds: &[Cloud], problem: &Problem<'_>, shift: u32) -> Result<[f64
     let prefixes = Prefix::whole(clouds);
     let (mut reading, mut truth) = (Scratch::default(), Picture::default());
     let (mut sums, mut pictures) = ([0.0; 2], 0u32);
-    let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
-    for view in problem.views.iter().step_by(step) {
+    for view in problem.some_views(MOST_VIEWS) {
         let (stage, camera) = (&problem.stages[view.stage], scaled(&view.camera, shift));
         for (sum, background) in sums.iter_mut().zip([[0.0; 3], [1.0; 3]]) {
             view.truth.draw(background, shift, &mut reading, &mut truth)?;

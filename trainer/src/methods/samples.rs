@@ -82,8 +82,7 @@ impl Seen {
 /// What is seen of each triangle.
 fn look(clouds: &[Cloud], problem: &Problem<'_>, kind: FrameKind, regions: &Regions) -> Vec<Seen> {
     let mut seen = vec![Seen::default(); regions.of_triangles.len()];
-    let step = problem.views.len().div_ceil(MOST_VIEWS).max(1);
-    let views = || problem.views.iter().step_by(step);
+    let views = || problem.some_views(MOST_VIEWS);
     for view in views() {
         let stage = &problem.stages[view.stage];
         for (triangle, area, _) in footprint_of_each(view, stage, kind, regions.of_triangles.len())

@@ -40,6 +40,13 @@ pub struct Problem<'a> {
     pub blend_price: f32,
 }
 
+impl<'a> Problem<'a> {
+    /// At most so many of its views, evenly chosen.
+    pub fn some_views(&self, most: usize) -> impl Iterator<Item = &'a TrainingView> + use<'a> {
+        self.views.iter().step_by(self.views.len().div_ceil(most).max(1))
+    }
+}
+
 /// Pictures that are drawn at once, each with its way back. Their steps follow one another, so that of a pair the
 /// second one's gradient is one step old; but while pictures have serial parts, threads have work.
 const AT_ONCE: usize = 2;
