@@ -255,8 +255,8 @@ pub fn project<R: Real, const N: usize>(
     let (zero, one) = (depth.like(0.0), depth.like(1.0));
     let across = view.along(0, right + view.rows[0][3], depth, &axes);
     let mut b = [[zero; 2]; N];
-    for i in 0..N {
-        b[i] = [across.axes[i], down.axes[i]];
+    for ((b, &u), &v) in b.iter_mut().zip(&across.axes).zip(&down.axes) {
+        *b = [u, v];
     }
     let OnPlane { xx, xy, yy, det } = covariance_on_plane(&b, zero);
     let h = depth.like(low_pass.variance());

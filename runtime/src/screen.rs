@@ -49,7 +49,8 @@ impl<R: Real + 'static> SplatCamera<R> {
         harmonics: &Harmonics<'_>,
     ) -> OnScreen<R> {
         let number = |x: f32| self.view.eye[0].like(x);
-        let (projected, drawable) = project(&self.view, self.low_pass, &self.view.turned(ellipsoid));
+        let (projected, drawable) =
+            project(&self.view, self.low_pass, &self.view.turned(ellipsoid));
         let color = harmonics.seen(color.map(number), ellipsoid.center, self.view.eye);
         OnScreen { projected, drawable, opacity: number(opacity), color }
     }
@@ -143,8 +144,10 @@ const TOGETHER: usize = 4;
 #[inline(always)]
 fn of_each<T: Copy>(count: usize, mut of: impl FnMut(usize) -> T) -> [T; TOGETHER] {
     let mut all = [of(0); TOGETHER];
-    for i in 1..count.min(TOGETHER) {
+    let mut i = 1;
+    while i < count.min(TOGETHER) {
         all[i] = of(i);
+        i += 1;
     }
     all
 }
