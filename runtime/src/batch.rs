@@ -9,8 +9,8 @@ use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::harmonics::not_below_zero;
 use crate::lanes::{Lanes, Row, load_rows};
-use crate::math::Real;
-use crate::project::{Projected, Turned, View, project};
+use crate::math::{Real, each};
+use crate::project::{Projected, project};
 use crate::screen::SplatCamera;
 
 /// Gaussians of a batch at most: as many as a word has bits.
@@ -26,87 +26,14 @@ pub trait Batch {
         self.len() == 0
     }
 
-    /// Some of its Gaussians in the world.
-    type InWorld<V: Lanes>: Project<V>;
-
-    /// Puts Gaussians `at..at + V::LEN` in the world; beyond the last one it gives anything.
-    fn in_world<V: Lanes>(&self, token: V::Token, at: usize) -> Self::InWorld<V>;
-
-    /// Display-referred sRGB of Gaussians `at..at + V::LEN`, which are `in_world`, seen from `eye`, not below 0.
-    #[inline(always)]
-    fn color<V: Lanes>(
+    /// Projects Gaussians `at..at + V::LEN` for each camera, putting them in the world once; beyond the last one it gives
+    /// anything.
+    fn project<V: Lanes, const EYES: usize>(
         &self,
-        _token: V::Token,
-        _at: usize,
-        in_world: &Self::InWorld<V>,
-        _eye: [V; 3],
-    ) -> [V; 3] {
-        not_below_zero(in_world.color())
-    }
-}
-
-/// Gaussians in the world.
-#[derive(Clone, Copy, Debug)]
-pub struct InWorld<R, const N: usize> {
-    /// Where, and how wide.
-    pub ellipsoid: Ellipsoid<R, N>,
-    /// Opacity.
-    pub opacity: R,
-    /// Display-referred sRGB without harmonics.
-    pub color: [R; 3],
-}
-
-/// What cameras need of Gaussians in the world, however many axes they have.
-pub trait Project<R: Real>: Copy {
-    /// Centres.
-    fn center(&self) -> [R; 3];
-
-    /// Display-referred sRGB without harmonics.
-    fn color(&self) -> [R; 3];
-
-    /// In the axes of a camera.
-    type Turned: Copy;
-
-    /// Turned into the axes of a camera.
-    fn turned(&self, view: &View<R>) -> Self::Turned;
-
-    /// On the screen of a camera into whose axes they are `turned` and that sees them in `color`.
-    fn on_screen(
-        &self,
-        turned: &Self::Turned,
-        camera: &SplatCamera<R>,
-        color: [R; 3],
-    ) -> OnScreen<R>;
-}
-
-impl<R: Real, const N: usize> Project<R> for InWorld<R, N> {
-    #[inline(always)]
-    fn center(&self) -> [R; 3] {
-        self.ellipsoid.center
-    }
-
-    #[inline(always)]
-    fn color(&self) -> [R; 3] {
-        self.color
-    }
-
-    type Turned = Turned<R, N>;
-
-    #[inline(always)]
-    fn turned(&self, view: &View<R>) -> Turned<R, N> {
-        view.turned(&self.ellipsoid)
-    }
-
-    #[inline(always)]
-    fn on_screen(
-        &self,
-        turned: &Turned<R, N>,
-        camera: &SplatCamera<R>,
-        color: [R; 3],
-    ) -> OnScreen<R> {
-        let (projected, drawable) = project(&camera.view, camera.low_pass, turned);
-        OnScreen { projected, drawable, opacity: self.opacity, color }
-    }
+        token: V::Token,
+        at: usize,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES];
 }
 
 /// Gaussians on the screen.
@@ -120,6 +47,24 @@ pub struct OnScreen<R: Real> {
     pub opacity: R,
     /// Display-referred sRGB seen from the eye, not below 0.
     pub color: [R; 3],
+}
+
+/// Gaussians in the world on the screen of each camera.
+#[inline(always)]
+pub(crate) fn seen<R: Real, const N: usize, const EYES: usize>(
+    ellipsoid: &Ellipsoid<R, N>,
+    opacity: R,
+    color: [R; 3],
+    cameras: &[SplatCamera<R>; EYES],
+) -> [OnScreen<R>; EYES] {
+    each(
+        cameras.each_ref(),
+        #[inline(always)]
+        |camera: &SplatCamera<R>| {
+            let (projected, drawable) = project(&camera.view, camera.low_pass, ellipsoid);
+            OnScreen { projected, drawable, opacity, color }
+        },
+    )
 }
 
 /// The frame of each Gaussian of a batch: first, second and third rows of [`Frame::rows`].
@@ -198,19 +143,22 @@ impl Default for Discs {
 }
 
 impl Batch for Discs {
-    type InWorld<V: Lanes> = InWorld<V, 2>;
-
     fn len(&self) -> usize {
         self.len
     }
 
     #[inline(always)]
-    fn in_world<V: Lanes>(&self, token: V::Token, at: usize) -> InWorld<V, 2> {
+    fn project<V: Lanes, const EYES: usize>(
+        &self,
+        token: V::Token,
+        at: usize,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
         let [x, y, z, angle] = load_rows::<V>(token, &self.places, at);
         let [s, t, opacity, _] = load_rows::<V>(token, &self.shapes, at);
         let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
-        let ellipsoid = disc_on(&self.frames.load(token, at), [x, y, z], angle, [s, t]);
-        InWorld { ellipsoid, opacity, color: [r, g, b] }
+        let disc = disc_on(&self.frames.load(token, at), [x, y, z], angle, [s, t]);
+        seen(&disc, opacity, not_below_zero([r, g, b]), cameras)
     }
 }
 
@@ -265,19 +213,22 @@ impl Default for Fulls {
 }
 
 impl Batch for Fulls {
-    type InWorld<V: Lanes> = InWorld<V, 3>;
-
     fn len(&self) -> usize {
         self.len
     }
 
     #[inline(always)]
-    fn in_world<V: Lanes>(&self, token: V::Token, at: usize) -> InWorld<V, 3> {
+    fn project<V: Lanes, const EYES: usize>(
+        &self,
+        token: V::Token,
+        at: usize,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
         let [x, y, z, opacity] = load_rows::<V>(token, &self.places, at);
         let rotation = load_rows::<V>(token, &self.rotations, at);
         let [s, t, u, _] = load_rows::<V>(token, &self.scales, at);
         let [r, g, b, _] = load_rows::<V>(token, &self.colors, at);
-        let ellipsoid = full_on(&self.frames.load(token, at), [x, y, z], rotation, [s, t, u]);
-        InWorld { ellipsoid, opacity, color: [r, g, b] }
+        let full = full_on(&self.frames.load(token, at), [x, y, z], rotation, [s, t, u]);
+        seen(&full, opacity, not_below_zero([r, g, b]), cameras)
     }
 }

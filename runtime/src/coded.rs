@@ -5,21 +5,20 @@ use dermis_format::quant::{COMPONENT_MIDDLE, HALF_ROOT};
 use dermis_format::record::{DiscGroup, FullGroup};
 use dermis_format::{Block, Disc, Discs, Full, Fulls};
 
-use crate::batch::{BATCH, Batch, FrameRows, InWorld, Project};
+use crate::batch::{BATCH, Batch, FrameRows, OnScreen, seen};
 use crate::frame::Frame;
 use crate::gaussian::{disc_on, full_on};
 use crate::harmonics;
 use crate::lanes::{Lanes, MAX_LANES, Row, lanes_at, load};
 use crate::math::each;
 use crate::mix::mixed;
+use crate::screen::SplatCamera;
 use crate::select::{Harmonics, Place};
 
 /// Gaussians of a block as the file has them: codes of each, and what they mean.
 pub trait Coding<'a>: Copy {
     /// One Gaussian, or several side by side.
     type Decoded<V: Lanes>;
-    /// The same in the world.
-    type InWorld<V: Lanes>: Project<V>;
 
     /// The Gaussians of a block at the level below, if they are of this kind.
     fn below(discs: Discs<'a>) -> Option<Self>;
@@ -43,17 +42,18 @@ pub trait Coding<'a>: Copy {
         share: V,
     ) -> Self::Decoded<V>;
 
-    /// Puts Gaussians whose scales grow by 2^`log2_factor` in the world.
-    fn in_world<V: Lanes>(
+    /// Projects Gaussians whose scales grow by 2^`log2_factor` for each camera; gives their centres in the world, too,
+    /// and what is drawn of them without harmonics.
+    fn project<V: Lanes, const EYES: usize>(
         decoded: Self::Decoded<V>,
         log2_factor: V,
         frame: &Frame<V>,
-    ) -> Self::InWorld<V>;
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]);
 }
 
 impl<'a> Coding<'a> for Discs<'a> {
     type Decoded<V: Lanes> = Disc<V>;
-    type InWorld<V: Lanes> = InWorld<V, 2>;
 
     #[inline(always)]
     fn below(discs: Discs<'a>) -> Option<Self> {
@@ -104,17 +104,21 @@ impl<'a> Coding<'a> for Discs<'a> {
     }
 
     #[inline(always)]
-    fn in_world<V: Lanes>(disc: Disc<V>, log2_factor: V, frame: &Frame<V>) -> InWorld<V, 2> {
+    fn project<V: Lanes, const EYES: usize>(
+        disc: Disc<V>,
+        log2_factor: V,
+        frame: &Frame<V>,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let [s, t] = disc.log2_scale;
         let scales = [s + log2_factor, t + log2_factor];
         let ellipsoid = disc_on(frame, disc.position, disc.angle, scales);
-        InWorld { ellipsoid, opacity: disc.opacity, color: disc.color }
+        (ellipsoid.center, seen(&ellipsoid, disc.opacity, disc.color, cameras))
     }
 }
 
 impl<'a> Coding<'a> for Fulls<'a> {
     type Decoded<V: Lanes> = Full<V>;
-    type InWorld<V: Lanes> = InWorld<V, 3>;
 
     /// Only discs have levels.
     #[inline(always)]
@@ -178,14 +182,19 @@ impl<'a> Coding<'a> for Fulls<'a> {
     }
 
     #[inline(always)]
-    fn in_world<V: Lanes>(full: Full<V>, log2_factor: V, frame: &Frame<V>) -> InWorld<V, 3> {
+    fn project<V: Lanes, const EYES: usize>(
+        full: Full<V>,
+        log2_factor: V,
+        frame: &Frame<V>,
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> ([V; 3], [OnScreen<V>; EYES]) {
         let scales = each(
             full.log2_scale,
             #[inline(always)]
             |scale| scale + log2_factor,
         );
         let ellipsoid = full_on(frame, full.position, full.rotation, scales);
-        InWorld { ellipsoid, opacity: full.opacity, color: full.color }
+        (ellipsoid.center, seen(&ellipsoid, full.opacity, full.color, cameras))
     }
 }
 
@@ -315,33 +324,31 @@ fn words_at<V: Lanes>(token: V::Token, of: &[[u32; 4]], at: usize) -> [V::Words;
 }
 
 impl<'a, R: Coding<'a>> Batch for Coded<'a, R> {
-    type InWorld<V: Lanes> = R::InWorld<V>;
-
     fn len(&self) -> usize {
         self.len
     }
 
     #[inline(always)]
-    fn in_world<V: Lanes>(&self, token: V::Token, at: usize) -> R::InWorld<V> {
-        let factor = V::splat(token, self.log2_factor);
-        R::in_world(self.decode(token, at), factor, &self.frames.load(token, at))
-    }
-
-    #[inline(always)]
-    fn color<V: Lanes>(
+    fn project<V: Lanes, const EYES: usize>(
         &self,
         token: V::Token,
         at: usize,
-        in_world: &R::InWorld<V>,
-        eye: [V; 3],
-    ) -> [V; 3] {
-        if self.has_harmonics {
-            let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
-            let direction = harmonics::direction(in_world.center(), eye);
-            harmonics::color(in_world.color(), coefficients(token, harmonics), direction)
-        } else {
-            harmonics::not_below_zero(in_world.color())
+        cameras: &[SplatCamera<V>; EYES],
+    ) -> [OnScreen<V>; EYES] {
+        let decoded = self.decode(token, at);
+        let frame = self.frames.load(token, at);
+        let factor = V::splat(token, self.log2_factor);
+        let (center, mut seen) = R::project(decoded, factor, &frame, cameras);
+        for (seen, camera) in seen.iter_mut().zip(cameras) {
+            seen.color = if self.has_harmonics {
+                let harmonics = self.harmonics.get(at..self.len).unwrap_or(&[]);
+                let direction = harmonics::direction(center, camera.view.eye);
+                harmonics::color(seen.color, coefficients(token, harmonics), direction)
+            } else {
+                harmonics::not_below_zero(seen.color)
+            };
         }
+        seen
     }
 }
 

@@ -213,7 +213,7 @@ mod tests {
                 let unit_of = |v: [f32; 3]| scale(v, sigma / dot(v, v).sqrt());
                 let axes = [unit_of(first), scale(unit_of(second), units.next())];
                 let disc = Ellipsoid { center: add(point, shift), axes };
-                let (p, drawable) = project(&view, LowPass::Classic, &view.turned(&disc));
+                let (p, drawable) = project(&view, LowPass::Classic, &disc);
                 let touches = drawable && Splat::pack(&view, &p, 1.0, [1.0; 3]).is_some();
                 // Of what rounding makes of the centre, too.
                 let offset = dot(shift, shift).sqrt() * 1.001;

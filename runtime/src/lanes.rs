@@ -66,15 +66,6 @@ pub trait Lanes: Single {
     /// the next one. A lane with another number gives anything.
     fn pack<const N: usize>(token: Self::Token, fields: [Self; N], shifts: [u32; N])
     -> Self::Words;
-    /// [`Self::pack`] of integers below 2²³, where a single number takes fewer instructions.
-    #[inline(always)]
-    fn pack_integers<const N: usize>(
-        token: Self::Token,
-        fields: [Self; N],
-        shifts: [u32; N],
-    ) -> Self::Words {
-        Self::pack(token, fields, shifts)
-    }
     /// Numbers of the same bits.
     fn of_bits(words: Self::Words) -> Self;
 }
@@ -139,16 +130,6 @@ impl Lanes for f32 {
         let mut words = 0;
         for i in 0..N {
             words |= (fields[i] as i32 as u32) << shifts[i];
-        }
-        words
-    }
-    #[inline(always)]
-    fn pack_integers<const N: usize>((): (), fields: [Self; N], shifts: [u32; N]) -> u32 {
-        // 2²³ + n has n in its lowest bits; a cast would first look whether n is in range.
-        const ABOVE: f32 = (1 << 23) as f32;
-        let mut words = 0;
-        for i in 0..N {
-            words |= ((fields[i] + ABOVE).to_bits() & 0x7f_ffff) << shifts[i];
         }
         words
     }

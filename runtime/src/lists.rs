@@ -66,7 +66,7 @@ impl ListKey {
         let large = constant(1.0).below(columns) | constant(1.0).below(rows);
         let extent = V::select(large, constant(4.0), columns + rows + rows);
         let index = first[1] * constant(grid.columns as f32) + first[0];
-        V::pack_integers(token, [index, extent], [0, EXTENT_SHIFT])
+        V::pack(token, [index, extent], [0, EXTENT_SHIFT])
     }
 }
 

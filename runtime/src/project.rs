@@ -115,14 +115,8 @@ impl<R: Real> View<R> {
     /// [`JACOBIAN_LIMIT`] times the half width of the view.
     #[inline(always)]
     pub fn slopes(&self, [x, y, z]: [R; 3]) -> [R; 2] {
-        [self.limited(0, x / z), self.limited(1, y / z)]
-    }
-
-    /// A slope to one side at which the Jacobian is taken.
-    #[inline(always)]
-    fn limited(&self, side: usize, slope: R) -> R {
-        let limit = self.limit[side];
-        slope.at_most(limit).at_least(-limit)
+        let [u, v] = self.limit;
+        [(x / z).at_most(u).at_least(-u), (y / z).at_most(v).at_least(-v)]
     }
 }
 
@@ -171,75 +165,8 @@ pub fn covariance_on_plane<R: Real, const N: usize>(axes: &[[R; 2]; N], zero: R)
     OnPlane { xx, xy, yy, det }
 }
 
-/// Gaussians in the axes of a camera, with that part of their projection that does not depend on how far to its right the
-/// camera stands: eyes side by side have all of it in common.
-#[derive(Clone, Copy, Debug)]
-pub struct Turned<R, const N: usize> {
-    /// Centre to the right of where the world's origin is, metres.
-    right: R,
-    /// z of the centre, metres.
-    depth: R,
-    /// Camera axes, metres.
-    axes: [[R; 3]; N],
-    /// On the screen, downwards.
-    down: Along<R, N>,
-}
-
-/// Gaussians along one side of the screen, px.
-#[derive(Clone, Copy, Debug)]
-struct Along<R, const N: usize> {
-    mean: R,
-    axes: [R; N],
-}
-
-impl<R: Real> View<R> {
-    /// Gaussians in the camera's axes.
-    #[inline(always)]
-    pub fn turned<const N: usize>(&self, gaussian: &Ellipsoid<R, N>) -> Turned<R, N> {
-        let axes = each(
-            gaussian.axes,
-            #[inline(always)]
-            |axis| self.direction(axis),
-        );
-        let [right, y, z] = self.direction(gaussian.center);
-        let (y, depth) = (y + self.rows[1][3], z + self.rows[2][3]);
-        Turned { right, depth, axes, down: self.along(1, y, depth, &axes) }
-    }
-
-    /// Whether another view turns Gaussians into the same numbers: the two stand side by side.
-    pub(crate) fn turns_as(&self, other: &Self) -> bool
-    where
-        R: PartialEq,
-    {
-        let side = |view: &Self| {
-            let [[x, y, z, _], down, forward] = view.rows;
-            ([x, y, z], [down, forward], view.focal[1], view.center[1], view.limit[1])
-        };
-        side(self) == side(other)
-    }
-
-    /// Along side 0 or 1 of the screen, centres that are `at` on that side and `depth` ahead, and axes.
-    #[inline(always)]
-    fn along<const N: usize>(
-        &self,
-        side: usize,
-        at: R,
-        depth: R,
-        axes: &[[R; 3]; N],
-    ) -> Along<R, N> {
-        let slope = at / depth;
-        let (limited, scale) = (self.limited(side, slope), self.focal[side] / depth);
-        let axes = each(
-            *axes,
-            #[inline(always)]
-            |axis| scale * (axis[side] - limited * axis[2]),
-        );
-        Along { mean: self.focal[side] * slope + self.center[side], axes }
-    }
-}
-
-/// Projects Gaussians that are [turned](View::turned) into the view's axes, and says which can be drawn: not those whose
-/// centre is nearer than [`NEAR`], nor where a number is not finite.
+/// Projects Gaussians, and says which can be drawn: not those whose centre is nearer than
+/// [`NEAR`], nor where a number is not finite.
 ///
 /// With bᵢ = J W aᵢ (2-vectors) Σ' = Σ bᵢbᵢᵀ and, by Cauchy and Binet, det Σ' = Σ (bᵢ × bⱼ)² over
 /// pairs, a sum of squares: no cancellation, however thin the Gaussian. So is
@@ -250,16 +177,22 @@ impl<R: Real> View<R> {
 pub fn project<R: Real, const N: usize>(
     view: &View<R>,
     low_pass: LowPass,
-    &Turned { right, depth, axes, down }: &Turned<R, N>,
+    gaussian: &Ellipsoid<R, N>,
 ) -> (Projected<R>, R::Mask) {
-    let (zero, one) = (depth.like(0.0), depth.like(1.0));
-    let across = view.along(0, right + view.rows[0][3], depth, &axes);
-    let mut b = [[zero; 2]; N];
-    for ((b, &u), &v) in b.iter_mut().zip(&across.axes).zip(&down.axes) {
-        *b = [u, v];
-    }
+    let p @ [x, y, z] = view.point(gaussian.center);
+    let (zero, one) = (z.like(0.0), z.like(1.0));
+    let [sx, sy] = view.slopes(p);
+    let (jx, jy) = (view.focal[0] / z, view.focal[1] / z);
+    let b: [[R; 2]; N] = each(
+        gaussian.axes,
+        #[inline(always)]
+        |axis| {
+            let [ax, ay, az] = view.direction(axis);
+            [jx * (ax - sx * az), jy * (ay - sy * az)]
+        },
+    );
     let OnPlane { xx, xy, yy, det } = covariance_on_plane(&b, zero);
-    let h = depth.like(low_pass.variance());
+    let h = z.like(low_pass.variance());
     let filtered = det + h * (xx + yy) + h * h;
     let compensation = match low_pass {
         LowPass::Compensated | LowPass::Pixel => (det / filtered).sqrt(),
@@ -267,17 +200,17 @@ pub fn project<R: Real, const N: usize>(
     };
     let inverse = one / filtered;
     let (xx, yy) = (xx + h, yy + h);
-    let half_log2_e = depth.like(HALF_LOG2_E);
+    let half_log2_e = z.like(HALF_LOG2_E);
     let a = (half_log2_e * yy * inverse).sqrt();
-    let mean = [across.mean, down.mean];
-    let sum = mean[0] + mean[1] + xx + yy + filtered + depth;
-    let drawable = depth.reaches(depth.like(NEAR)) & sum.finite() & zero.below(inverse);
+    let mean = [view.focal[0] * (x / z) + view.center[0], view.focal[1] * (y / z) + view.center[1]];
+    let sum = mean[0] + mean[1] + xx + yy + filtered + z;
+    let drawable = z.reaches(z.like(NEAR)) & sum.finite() & zero.below(inverse);
     let projected = Projected {
         mean,
         covariance: [xx, xy, yy],
         falloff: [a, -(a * (xy / yy)), (half_log2_e / yy).sqrt()],
         compensation,
-        depth,
+        depth: z,
     };
     (projected, drawable)
 }

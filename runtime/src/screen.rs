@@ -3,7 +3,7 @@
 
 use dermis_format::LowPass;
 
-use crate::batch::{Batch, OnScreen, Project};
+use crate::batch::{Batch, OnScreen};
 use crate::frame::Frame;
 use crate::gaussian::{Ellipsoid, disc_on, full_on};
 use crate::kernel::{Kernel, Work};
@@ -49,8 +49,7 @@ impl<R: Real + 'static> SplatCamera<R> {
         harmonics: &Harmonics<'_>,
     ) -> OnScreen<R> {
         let number = |x: f32| self.view.eye[0].like(x);
-        let (projected, drawable) =
-            project(&self.view, self.low_pass, &self.view.turned(ellipsoid));
+        let (projected, drawable) = project(&self.view, self.low_pass, ellipsoid);
         let color = harmonics.seen(color.map(number), ellipsoid.center, self.view.eye);
         OnScreen { projected, drawable, opacity: number(opacity), color }
     }
@@ -100,7 +99,7 @@ pub fn splats<G: Batch, const EYES: usize>(
     batch: &G,
     eyes: [Eye<'_>; EYES],
 ) -> [u64; EYES] {
-    kernel.run(ToSplats { batch, eyes })
+    kernel.run(Project { batch, eyes })
 }
 
 /// Room for splats, and for what lists need of each.
@@ -136,28 +135,12 @@ const _: () = assert!(size_of::<Splat>() == size_of::<[Row; 3]>());
 /// Where two u16 that stand one after the other lie in a word.
 const TWO_SHORTS: [u32; 2] = if cfg!(target_endian = "little") { [0, 16] } else { [16, 0] };
 
-/// Vectors that go through each stage together. The way of a Gaussian to the screen is a chain of steps that wait for one
-/// another, longer than a CPU looks ahead; within one stage it finds the next vector's chain, too.
-const TOGETHER: usize = 4;
-
-/// `of` the first `count` indices, at least one; those behind are like the first.
-#[inline(always)]
-fn of_each<T: Copy>(count: usize, mut of: impl FnMut(usize) -> T) -> [T; TOGETHER] {
-    let mut all = [of(0); TOGETHER];
-    let mut i = 1;
-    while i < count.min(TOGETHER) {
-        all[i] = of(i);
-        i += 1;
-    }
-    all
-}
-
-struct ToSplats<'b, G, const EYES: usize> {
+struct Project<'b, G, const EYES: usize> {
     batch: &'b G,
     eyes: [Eye<'b>; EYES],
 }
 
-impl<G: Batch, const EYES: usize> Work for ToSplats<'_, G, EYES> {
+impl<G: Batch, const EYES: usize> Work for Project<'_, G, EYES> {
     type Output = [u64; EYES];
 
     #[inline(always)]
@@ -174,52 +157,18 @@ impl<G: Batch, const EYES: usize> Work for ToSplats<'_, G, EYES> {
                 SplatCamera { view, low_pass: eye.camera.low_pass }
             },
         );
-        // Eyes side by side share what is turned for the first one.
-        let mut turns = [false; EYES];
-        for eye in 1..EYES {
-            turns[eye] = !eyes[eye].camera.view.turns_as(&eyes[eye - 1].camera.view);
-        }
         let mut writers = eyes.map(
             #[inline(always)]
             |eye| Writer::new(eye.slots, *eye.grid, eye.sees),
         );
-        let mut first = 0;
-        while first < batch.len() {
-            let vectors = (batch.len() - first).div_ceil(V::LEN);
-            let in_world = of_each(
-                vectors,
-                #[inline(always)]
-                |i| batch.in_world::<V>(token, first + i * V::LEN),
-            );
-            let mut turned = of_each(
-                vectors,
-                #[inline(always)]
-                |i| in_world[i].turned(&cameras[0].view),
-            );
-            for ((writer, camera), turns) in writers.iter_mut().zip(&cameras).zip(turns) {
-                if turns {
-                    turned = of_each(
-                        vectors,
-                        #[inline(always)]
-                        |i| in_world[i].turned(&camera.view),
-                    );
-                }
-                let on_screen = of_each(
-                    vectors,
-                    #[inline(always)]
-                    |i| {
-                        let at = first + i * V::LEN;
-                        let color = batch.color(token, at, &in_world[i], camera.view.eye);
-                        in_world[i].on_screen(&turned[i], camera, color)
-                    },
-                );
-                for (i, on_screen) in on_screen.iter().enumerate().take(vectors) {
-                    let at = first + i * V::LEN;
-                    let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
-                    writer.write(token, at, valid, &camera.view, on_screen);
-                }
+        let mut at = 0;
+        while at < batch.len() {
+            let valid = (1u64 << (batch.len() - at).min(V::LEN)) - 1;
+            let seen = batch.project(token, at, &cameras);
+            for ((writer, seen), camera) in writers.iter_mut().zip(&seen).zip(&cameras) {
+                writer.write(token, at, valid, &camera.view, seen);
             }
-            first += TOGETHER * V::LEN;
+            at += V::LEN;
         }
         writers.map(
             #[inline(always)]
@@ -266,8 +215,8 @@ impl<'b> Writer<'b> {
         let [a, b, c] = projected.falloff;
         let [red, green, blue] = color;
         let [x0, y0, x1, y1] = footprint.bounds;
-        let start = V::of_bits(V::pack_integers(token, [x0, y0], TWO_SHORTS));
-        let end = V::of_bits(V::pack_integers(token, [x1, y1], TWO_SHORTS));
+        let start = V::of_bits(V::pack(token, [x0, y0], TWO_SHORTS));
+        let end = V::of_bits(V::pack(token, [x1, y1], TWO_SHORTS));
         V::store_rows([x, y, a, b], &mut rows[0]);
         V::store_rows([c, footprint.log2_opacity, red, green], &mut rows[1]);
         V::store_rows([blue, projected.depth, start, end], &mut rows[2]);
@@ -275,7 +224,7 @@ impl<'b> Writer<'b> {
         let touch = u64::from(V::bits(drawable & touches)) & valid & (*sees >> at);
         let mut left = touch;
         while left != 0 {
-            let lane = left.trailing_zeros() as usize % V::LEN;
+            let lane = left.trailing_zeros() as usize % MAX_LANES;
             left &= left - 1;
             if let Some(([first, second, third], key)) = slots.next() {
                 *key = ListKey::new(tiles[lane], rows[2][lane][1]);

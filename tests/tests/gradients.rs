@@ -38,7 +38,7 @@ fn screen(
     [x, y, z, angle, s, t]: [f64; 6],
 ) -> [f64; 6] {
     let disc = disc_on(frame, [x, y, z], angle, [s, t]);
-    let (p, drawable) = project(view, low_pass, &view.turned(&disc));
+    let (p, drawable) = project(view, low_pass, &disc);
     assert!(drawable, "in front of the camera");
     let [a, b, c] = p.falloff;
     [p.mean[0], p.mean[1], a, b, c, p.compensation.log2()]
@@ -165,7 +165,7 @@ fn projection_of_three_axes_has_the_gradient_of_the_runtimes_projection() {
         let at = [x, y, z, 0.0, 0.0, 0.0, s, t, f64::from(between(&mut random, -3.0, 0.5))];
         let screen = |[x, y, z, i, j, k, s, t, u]: [f64; 9]| {
             let full = full_on(&frame, [x, y, z], turned(rotation, [i, j, k]), [s, t, u]);
-            let (p, drawable) = project(&view, low_pass, &view.turned(&full));
+            let (p, drawable) = project(&view, low_pass, &full);
             let [a, b, c] = p.falloff;
             drawable.then(|| [p.mean[0], p.mean[1], a, b, c, p.compensation.log2()])
         };

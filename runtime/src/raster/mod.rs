@@ -15,7 +15,7 @@ use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::TILE;
 
 pub use depth::TileDepths;
-pub use scalar::RowSpans;
+pub use scalar::row_span;
 
 use depth::{Keep, NoDepths};
 

@@ -3,48 +3,33 @@
 use core::ops::Range;
 
 use super::depth::Keep;
-use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend_weight, log2_alpha, pixel};
+use super::{Counts, LEAST_TRANSMITTANCE, TilePixels, alpha, blend, log2_alpha, pixel};
 use crate::lists::Pair;
 use crate::math::Real;
 use crate::project::{LEAST_LOG2_ALPHA, Splat};
 use crate::tiles::TILE;
 
-/// The parts of rows that a splat can touch: none of its pixels is left out, so this changes what a row costs, never
-/// what it shows.
+/// The part of `columns` that a splat can touch in the row at `dy`: none of its pixels is left
+/// out, so this changes what a row costs, never what it shows.
 ///
 /// α ≥ 1/255 where |a dx + b dy| ≤ √(reach − (c dy)²), with reach = log₂ o + log₂ 255.
-#[derive(Clone, Copy, Debug)]
-pub struct RowSpans<'s> {
-    splat: &'s Splat,
-    reach: f32,
-    /// 1 / a.
-    per_a: f32,
-}
-
-impl<'s> RowSpans<'s> {
-    /// Of a splat.
-    #[inline]
-    pub fn new(splat: &'s Splat) -> Self {
-        let reach = splat.log2_opacity - LEAST_LOG2_ALPHA;
-        Self { splat, reach, per_a: 1.0 / splat.falloff[0] }
-    }
-
-    /// The part of `columns` in the row at `dy`.
-    #[inline]
-    pub fn at(&self, dy: f32, columns: Range<u32>) -> Range<u32> {
-        let [_, b, c] = self.splat.falloff;
-        let v = c * dy;
-        // A little more than rounding can take away, here and in the ends.
-        let half = (self.reach - v * v).at_least(0.0).sqrt() + 1e-3;
-        let middle = -(b * dy);
-        let end = |edge: f32, slack: f32| self.splat.mean[0] + edge * self.per_a + slack;
-        let slack = 0.02 + 1e-5 * ((middle.abs() + half) * self.per_a);
-        let first = end(middle - half, -slack) - 0.5;
-        let last = end(middle + half, slack) + 0.5;
-        let clamp = |x: f32| x.at_least(columns.start as f32).at_most(columns.end as f32) as u32;
-        // What is not finite leaves nothing out.
-        if (first + last).is_finite() { clamp(first)..clamp(last) } else { columns }
-    }
+#[inline]
+pub fn row_span(splat: &Splat, dy: f32, columns: Range<u32>) -> Range<u32> {
+    let [a, b, c] = splat.falloff;
+    let v = c * dy;
+    let room = splat.log2_opacity - LEAST_LOG2_ALPHA - v * v;
+    // A little more than rounding can take away, here and in the ends.
+    let half = room.at_least(0.0).sqrt() + 1e-3;
+    let middle = -(b * dy);
+    let end = |edge: f32, slack: f32| splat.mean[0] + edge / a + slack;
+    let slack = 0.02 + 1e-5 * ((middle.abs() + half) / a);
+    let first = end(middle - half, -slack) - 0.5;
+    let last = end(middle + half, slack) + 0.5;
+    let clamp = |x: f32| x.at_least(columns.start as f32).at_most(columns.end as f32) as u32;
+    // What is not finite leaves nothing out.
+    let start = if first.is_finite() { clamp(first) } else { columns.start };
+    let stop = if last.is_finite() { clamp(last) } else { columns.end };
+    start..stop
 }
 
 /// Blends the splats of `order` into a tile whose pixels are `columns × rows` of the frame.
@@ -67,31 +52,28 @@ pub(super) fn draw_tile(
             // A list may hold what misses the tile: it costs nothing.
             continue;
         }
-        let rows_of = RowSpans::new(splat);
-        let dys =
-            (y0.max(rows.start)..y1.min(rows.end)).map(|y| (y, y as f32 + 0.5 - splat.mean[1]));
-        // All rows first: each waits for a root, none for another one's.
-        let mut spans = [const { 0..0 }; TILE as usize];
-        for (span, (_, dy)) in spans.iter_mut().zip(dys.clone()) {
-            *span = rows_of.at(dy, x0..x1);
-        }
-        for (span, (y, dy)) in spans.into_iter().zip(dys) {
+        for y in y0.max(rows.start)..y1.min(rows.end) {
+            let dy = y as f32 + 0.5 - splat.mean[1];
+            let span = row_span(splat, dy, x0..x1);
             counts.evaluations += span.len() as u64;
             let at_y = ((y - rows.start) % TILE) as usize;
             let row = &mut pixels.0[at_y];
             for x in span {
                 let column = (x - columns.start) as usize % TILE as usize;
                 let before = pixel(row, column);
+                if before[3] < LEAST_TRANSMITTANCE {
+                    continue;
+                }
                 let dx = x as f32 + 0.5 - splat.mean[0];
                 let (alpha, touches) = alpha(log2_alpha(splat, dx, dy));
-                // Where it is not, its weight is 0: at a splat's ends a branch would be a guess.
-                let blended = touches & (before[3] >= LEAST_TRANSMITTANCE);
-                let weight = if blended { before[3] * alpha } else { 0.0 };
-                let after = blend_weight(before, weight, splat.color);
+                if !touches {
+                    continue;
+                }
+                let after = blend(before, alpha, splat.color);
                 row.iter_mut().zip(after).for_each(|(channel, value)| channel[column] = value);
                 depths.blended((), [column, at_y], [before[3], after[3]], splat.depth);
-                counts.blends += u64::from(blended);
-                unfinished -= usize::from(blended & (after[3] < LEAST_TRANSMITTANCE));
+                counts.blends += 1;
+                unfinished -= usize::from(after[3] < LEAST_TRANSMITTANCE);
             }
         }
         if unfinished == 0 {
@@ -141,7 +123,7 @@ mod tests {
                     crate::math::scale(across, lengths[1]),
                 ],
             };
-            let (p, drawable) = project(&view, LowPass::Classic, &view.turned(&disc));
+            let (p, drawable) = project(&view, LowPass::Classic, &disc);
             let opacity = 0.01 + 0.98 * unit();
             let splat = Splat::pack(&view, &p, opacity, [1.0; 3]).filter(|_| drawable);
             let Some(splat) = splat else { continue };
@@ -150,7 +132,7 @@ mod tests {
                 let dy = y as f32 + 0.5 - splat.mean[1];
                 let touches =
                     |x: &u32| alpha(log2_alpha(&splat, *x as f32 + 0.5 - splat.mean[0], dy)).1;
-                let span = RowSpans::new(&splat).at(dy, x0..x1);
+                let span = row_span(&splat, dy, x0..x1);
                 assert!((x0..x1).filter(touches).all(|x| span.contains(&x)), "{splat:?} row {y}");
                 rows += 1;
                 if let (Some(first), Some(last)) = ((x0..x1).find(touches), (x0..x1).rfind(touches))

@@ -221,7 +221,7 @@ impl Work for Integers<'_> {
             bytes.extend(&words[..V::LEN]);
             // As wide as the index of a tile, below three bits.
             let (x, y) = (of(|x| x & 0x3_ffff), of(|x| x % 5));
-            V::store_words(V::pack_integers(token, [x, y], [0, 29]), &mut wide);
+            V::store_words(V::pack(token, [x, y], [0, 29]), &mut wide);
             tiles.extend(&wide[..V::LEN]);
             let packed = V::load_words(token, &words);
             push(V::field(packed, 24, 0xff), &mut fields);

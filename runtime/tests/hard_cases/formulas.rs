@@ -201,9 +201,8 @@ fn of_axes<const N: usize>(
     center: [f64; 3],
     axes: [[f64; 3]; N],
 ) -> Projected<f64> {
-    let view = View::new(camera);
-    let turned = view.turned(&Ellipsoid { center, axes });
-    let (projected, drawable) = project(&view, LowPass::Classic, &turned);
+    let (projected, drawable) =
+        project(&View::new(camera), LowPass::Classic, &Ellipsoid { center, axes });
     assert!(drawable);
     projected
 }

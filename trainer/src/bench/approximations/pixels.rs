@@ -5,7 +5,7 @@ use dermis_runtime::lists::Pair;
 use dermis_runtime::math::Real;
 use dermis_runtime::project::{LEAST_LOG2_ALPHA, Splat};
 use dermis_runtime::raster::{
-    CLEAR, Counts, GREATEST_ALPHA, LEAST_TRANSMITTANCE, RowSpans, alpha, blend, log2_alpha,
+    CLEAR, Counts, GREATEST_ALPHA, LEAST_TRANSMITTANCE, alpha, blend, log2_alpha, row_span,
 };
 use dermis_runtime::tiles::{TILE, TileGrid};
 
@@ -71,7 +71,7 @@ fn draw_tile<const EXPONENTIAL: bool, const STOP: bool, const SKIP: bool>(
         let reaching = Splat { log2_opacity: splat.log2_opacity + faint, ..*splat };
         for y in y0.max(rows.start)..y1.min(rows.end) {
             let dy = y as f32 + 0.5 - splat.mean[1];
-            let span = RowSpans::new(&reaching).at(dy, x0..x1);
+            let span = row_span(&reaching, dy, x0..x1);
             counts.evaluations += span.len() as u64;
             for x in span {
                 let pixel = &mut pixels[((y - rows.start) * TILE + x - columns.start) as usize];
