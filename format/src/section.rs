@@ -127,7 +127,7 @@ pub struct Section<'a> {
 pub fn split_header(bytes: &[u8]) -> Result<(&[u8], &[u8]), Error> {
     let present = bytes.len() as u64;
     if bytes.get(preamble::MAGIC) != Some(&MAGIC[..]) {
-        return malformed("preamble", "the file does not start with DERMIS");
+        return malformed("preamble", "the file does not start with DERMIS, as avatars do");
     }
     let Some((fixed, rest)) = bytes.split_at_checked(preamble::LEN) else {
         return Err(Error::Truncated { place: "preamble", needed: preamble::LEN as u64, present });

@@ -1,7 +1,8 @@
 //! Draws `.dermis` avatars in memory that the caller lends: no heap, no panic, no unsafe code, and
 //! the same bytes on every target.
 //!
-//! Data flows one way: bytes → avatar → pose → plan → prepare → bands → pixels.
+//! Data flows one way: bytes → avatar → pose → plan → prepare → bands → pixels (with one budget for several avatars the plan
+//! comes before the pose, of which it needs a part).
 //!
 //! 1. [`Avatar::parse`] checks the bytes once and reads them in place; [`Unpacker`] makes them of packed ones.
 //! 2. [`Posed`] skins the mesh in a [`Pose`] ([`pose`], [`posed`]) and gives each triangle a
@@ -23,7 +24,11 @@
 //!
 //! Beside that memory a frame takes stack: while it projects up to 8 KB for shares, 7 KB for a batch
 //! of 64 Gaussians and 4 KB to walk a file with parameters per level, while it sorts 8 KB for counts;
-//! [`Posed::footprints`] takes 13 KB.
+//! [`Posed::footprints`] takes 13 KB. An [`Unpacker`] is a value of 72 KB: keep it in a static, or do without packed files.
+//!
+//! Feature `std`, on by default, has [`Kernel::detect`] look what vectors the CPU has; without it [`Kernel::baseline`] says what
+//! the target surely has. Several avatars in one picture are drawn one over the other with
+//! [`Background::Existing`], the farthest first: they are not sorted against one another.
 //!
 //! A GPU of your own takes the Gaussians instead after 3: [`Posed::export`] ([`export`]).
 //!
@@ -135,7 +140,7 @@ pub fn render(
     let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
     let preparing = Prepared::scratch_len(avatar, budget, width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
-    let posed = Posed::new(avatar, pose, kernel, posing)?;
+    let posed = Posed::still_below(avatar, pose, plan.still_below(), kernel, posing)?;
     let prepared = Prepared::new(&posed, plan, camera, preparing)?;
     let drawn = prepared.draw(drawing, framebuffer)?;
     Ok(Statistics {

@@ -85,8 +85,10 @@ impl Plan {
         Self { regions: collected(regions), still_below: 0.0 }
     }
 
-    /// This plan, but what moves the surface less than so many metres stays as it rests: joints with all below them, and
-    /// morph targets, as far as the file says how far they move it ([`dermis_format::Movements`]). At 0 everything moves.
+    /// This plan, but what moves the surface less than so many metres stays as it rests: joints of clips with all below them,
+    /// and morph targets, as far as the file says how far they move it ([`dermis_format::Movements`]). At 0 everything moves.
+    /// Joints that the caller poses ([`Pose::Joints`](crate::Pose::Joints)) all move. [`Posed::for_plan`](crate::Posed::for_plan) and
+    /// [`render`](crate::render) obey; [`Posed::new`](crate::Posed::new), which knows no plan, moves everything.
     pub fn with_still_below(self, metres: f32) -> Self {
         Self { still_below: metres, ..self }
     }

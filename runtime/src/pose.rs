@@ -21,9 +21,11 @@ pub enum Pose<'a> {
         /// Seconds from its start; held before the start and after the end.
         seconds: f32,
     },
-    /// Joints → world, and morph weights, as many as the avatar has.
+    /// Joints → world, and morph weights, as many as the avatar has. Training leaves joints out that move nothing and adds some
+    /// above others: find yours by name, not by their place in the mesh's file.
     Joints {
-        /// Rows of 3×4 matrices, metres.
+        /// Rows of 3×4 matrices, metres, one for each of [`Avatar::joints`] (names: [`Avatar::joint_names`]), those of the
+        /// joints above included; inverse bind matrices are applied here.
         worlds: &'a [Affine],
         /// Weight of each morph target.
         weights: &'a [f32],

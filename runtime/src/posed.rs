@@ -49,8 +49,19 @@ impl<'s, 'a> Posed<'s, 'a> {
         kernel: Kernel,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
+        Self::still_below(avatar, pose, 0.0, kernel, scratch)
+    }
+
+    /// [`Self::new`], but what moves the surface less than so many metres stays as it rests, as [`Plan::still_below`] says.
+    pub(crate) fn still_below(
+        avatar: &'s Avatar<'a>,
+        pose: &Pose<'_>,
+        metres: f32,
+        kernel: Kernel,
+        scratch: &'s mut [u32],
+    ) -> Result<Self, Error> {
         let mut scratch = Scratch::new(scratch, Self::scratch_len(avatar))?;
-        Self::of_needed(avatar, pose, 0.0, kernel, &mut scratch, None)
+        Self::of_needed(avatar, pose, metres, kernel, &mut scratch, None)
     }
 
     /// Words of scratch that [`Self::for_plan`] takes.

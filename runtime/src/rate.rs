@@ -13,7 +13,8 @@ pub const MOST_FRAMES: u32 = 60;
 
 /// Every how many frames, 1 to [`MOST_FRAMES`], a clip must be evaluated so that no held pose is off by more than `pixels` (root of
 /// the mean square over the surface), `density` being pixels to a metre ([`Footprint`](crate::footprint::Footprint)) and
-/// `frame_seconds` the time from frame to frame. 1 where the file does not say how fast the clip is.
+/// `frame_seconds` the time from frame to frame. 1 where the file does not say how fast the clip is. Who poses joints or vertices
+/// puts the surface's own speed v, metres a second, in place of the clip's: 1 + ⌊pixels / (v · density · frame_seconds)⌋.
 pub fn frames_to_hold(
     avatar: &Avatar<'_>,
     clip: usize,

@@ -61,6 +61,10 @@ pub fn read(path: &Path) -> Result<Shot> {
         numbers.iter().all(|number| number.is_finite()),
         "{name}: has a number that is not finite or too great; write the camera again"
     );
+    ensure!(
+        background.iter().all(|channel| (0.0..=1.0).contains(channel)),
+        "{name}: its background is not from 0 to 1; give red, green and blue so"
+    );
     ensure!(fx > 0.0 && fy > 0.0, "{name}: its focal lengths are not above 0; give them in pixels");
     ensure!(
         is_rigid(&world_to_camera) && last == [0.0, 0.0, 0.0, 1.0],

@@ -41,7 +41,7 @@ enum Command {
     Convert(commands::convert::Arguments),
     /// Writes posed Gaussians as a file of other programs.
     Export(commands::export::Arguments),
-    /// Packs an avatar for the wire: the same bytes come out of `unpack`, and every command reads packed files, too.
+    /// Packs an avatar for the wire: the same bytes come out of `unpack`, and all other commands read packed files, too.
     Pack(commands::pack::Arguments),
     /// Unpacks a packed avatar: the bytes that were packed.
     Unpack(commands::unpack::Arguments),

@@ -16,14 +16,19 @@ pub struct Output {
 }
 
 impl Output {
-    /// Reserves `path`.
-    pub fn create(path: &Path) -> Result<Self> {
+    /// Reserves `path`, which none of the files that are `read` for it may be.
+    pub fn create(path: &Path, read: &[&Path]) -> Result<Self> {
         let name = path
             .file_name()
             .with_context(|| format!("{}: names no file; give one", path.display()))?;
         // Taking its name would fail at the very end (a folder) or replace a device.
         let free = fs::metadata(path).map_or(true, |there| there.is_file());
         ensure!(free, "{}: is a folder or a device; give the name of a file", path.display());
+        let same = |read: &&Path| {
+            let [path, read] = [path, read].map(fs::canonicalize);
+            path.is_ok_and(|path| read.is_ok_and(|read| path == read))
+        };
+        ensure!(!read.iter().any(same), "{}: is read, too; write another file", path.display());
         let temporary =
             path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
         let file = File::create(&temporary).with_context(|| {
@@ -65,7 +70,7 @@ impl Drop for Output {
 
 /// Writes a file at once.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
-    Output::create(path)?.finish(bytes)
+    Output::create(path, &[])?.finish(bytes)
 }
 
 /// Reads a whole file; an error begins with its name.

@@ -115,7 +115,7 @@ pub fn is_packed(bytes: &[u8]) -> bool {
 /// Where `packed` does not begin as a packed file of this version, or is damaged there.
 pub fn unpacked_len(packed: &[u8]) -> Result<usize, Error> {
     if packed.get(file::MAGIC) != Some(&MAGIC[..]) {
-        return malformed("packed file", "it does not start with DERMPK");
+        return malformed("packed file", "it does not start with DERMPK, as packed avatars do");
     }
     let Some(fixed) = packed.get(..file::LEN) else {
         let (needed, present) = (file::LEN as u64, packed.len() as u64);

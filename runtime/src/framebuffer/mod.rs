@@ -84,7 +84,8 @@ pub enum Pixels<'p> {
 pub struct Depth<'p> {
     /// One number a pixel: the median depth, that is z in camera axes, metres, of the first splat
     /// behind which T is below ½; +∞ where there is none. Every pixel of the frame is written; the
-    /// depth that is there is neither read nor tested.
+    /// depth that is there is neither read nor tested: of several avatars in one picture, give each a
+    /// plane of its own and keep the nearer depth.
     pub metres: &'p mut [f32],
     /// Numbers from one row to the next; at least the frame's width. What stands between rows stays.
     pub stride: usize,

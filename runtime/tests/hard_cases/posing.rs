@@ -11,7 +11,7 @@ use dermis_runtime::{
 };
 use proptest::prelude::*;
 
-use crate::scenes::{bytes, camera, kernels, leveled_crowd};
+use crate::scenes::{Picture, bytes, camera, kernels, leveled_crowd};
 
 /// Half a turn about z, halfway.
 const TURNED: [f32; 8] = [1.0, 0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.6];
@@ -192,6 +192,21 @@ fn what_moves_less_stays_as_it_rests() {
     let pose = Pose::Joints { worlds: &worlds, weights: &[1.0, 1.0] };
     assert!(vertices(&avatar, &pose, 0.02) != vertices(&avatar, &pose, 0.0));
     assert!(vertices(&avatar, &pose, 2.0) == vertices(&avatar, &pose, 5.0));
+}
+
+/// The whole path moves what its plan lets move.
+#[test]
+fn pictures_leave_still_what_their_plan_does() {
+    let file = bytes(&rigged());
+    let avatar = Avatar::parse(&file).unwrap();
+    let camera = camera(80, 60, 40.0, 1.5);
+    let picture = |pose: &Pose<'_>, still_below: f32| {
+        let plan = Plan::with_budget(&avatar, u32::MAX).with_still_below(still_below);
+        Picture::of(&avatar, pose, &plan, &camera)
+    };
+    let rest = picture(&Pose::Rest, 0.0);
+    assert!(picture(&LATER, f32::INFINITY) == rest);
+    assert!(picture(&LATER, 0.0) != rest);
 }
 
 /// A morph target that is there at rest stays there, and rests again when a clip hardly moves it.

@@ -117,7 +117,7 @@ impl Folder {
     /// Replaces it, so that at any moment there is the old one or the new one.
     pub(super) fn write(&self, name: Name, content: &Content<'_>, about: usize) -> Result<()> {
         let bytes = file::encode(self.fingerprint, content, about)?;
-        Output::create(&self.path(name))?.finish_on_disk(&bytes)
+        Output::create(&self.path(name), &[])?.finish_on_disk(&bytes)
     }
 
     /// Removes it if it is there; where that fails it is in nobody's way.

@@ -156,7 +156,9 @@ struct UnpackingReport {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let svg = arguments.svg.as_deref().map(output::Output::create).transpose()?;
+    let read: Vec<&Path> = arguments.file.as_deref().into_iter().collect();
+    let svg =
+        arguments.svg.as_deref().map(|path| output::Output::create(path, &read)).transpose()?;
     let (name, bytes, source) = match (&arguments.scene, &arguments.file) {
         (Some(Mannequin(count)), _) => {
             let source = arguments.approximations.then(|| mannequin::gaussians(*count));

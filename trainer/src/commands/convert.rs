@@ -1,6 +1,6 @@
 //! `dermis convert`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -65,7 +65,9 @@ struct Missing {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
-    let output = output::Output::create(&arguments.output)?;
+    let read: Vec<&Path> =
+        arguments.inputs.iter().chain(&arguments.mesh).map(PathBuf::as_path).collect();
+    let output = output::Output::create(&arguments.output, &read)?;
     let Arguments { inputs, mesh, from, sh_degree, turning, .. } = arguments;
     let taken = Taken { kind: *from, mesh: mesh.as_deref(), half_turn: turning.half_turn };
     let (mut assembly, left_out) = convert::assemble(inputs, &taken)?;

@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_delimiter = ',', default_value = "5000,20000", value_name = "N,…")]
     budgets: Vec<u32>,
     /// Shares of the file's bytes, its first ones, to measure in place of levels and budgets.
-    #[arg(long, value_delimiter = ',', value_name = "PERCENT,…", value_parser = percent)]
+    #[arg(long, value_delimiter = ',', value_name = "PERCENT,…", value_parser = percent, conflicts_with = "budgets")]
     prefix: Vec<f32>,
     /// Measure budgets as a plan spends them, too, which draws no more than can be seen.
     #[arg(long, conflicts_with = "prefix")]

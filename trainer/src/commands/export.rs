@@ -72,7 +72,7 @@ struct Missing {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let kind = kind(&arguments.output);
-    let output = output::Output::create(&arguments.output)?;
+    let output = output::Output::create(&arguments.output, &[&arguments.file])?;
     let (report, bytes) =
         super::with_avatar(&arguments.file, |avatar| exported(avatar, arguments, kind))?;
     output.finish(&bytes)?;

@@ -4,7 +4,10 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::Result;
+use dermis_format::packed;
 use dermis_trainer::describe::Info;
+use dermis_trainer::output;
+use serde::Serialize;
 
 use crate::Common;
 
@@ -14,9 +17,25 @@ pub(crate) struct Arguments {
     file: PathBuf,
 }
 
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Report {
+    /// Of a packed file; what follows is of the avatar in it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    packed_bytes: Option<usize>,
+    #[serde(flatten)]
+    info: Info,
+}
+
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    let bytes = output::read(&arguments.file)?;
+    let packed_bytes = packed::is_packed(&bytes).then_some(bytes.len());
     let info = super::with_avatar(&arguments.file, |avatar| Ok(Info::of(avatar)))?;
-    super::print(common, &info, text)
+    super::print(common, &Report { packed_bytes, info }, |report| {
+        let packed =
+            report.packed_bytes.map_or(String::new(), |n| format!("packed in {n} bytes: "));
+        packed + &text(&report.info)
+    })
 }
 
 /// Joints and morph targets whose movement is shown, at most.

@@ -45,7 +45,14 @@ fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Re
 
 /// Ends the program for options that contradict each other, as clap does for a bad one: exit code 2.
 pub(crate) fn misuse(message: &str) -> ! {
-    crate::Cli::command().error(clap::error::ErrorKind::ArgumentConflict, message).exit()
+    let mut program = crate::Cli::command();
+    program.build();
+    let named = std::env::args().find(|word| program.find_subcommand(word).is_some());
+    let command = match named {
+        Some(name) => program.find_subcommand_mut(name).cloned().unwrap_or(program),
+        None => program,
+    };
+    command.clone().error(clap::error::ErrorKind::ArgumentConflict, message).exit()
 }
 
 /// A number that is neither infinite nor NaN.

@@ -26,7 +26,7 @@ pub(crate) struct Posing {
     /// A clip's name [default: the rest pose].
     #[arg(long, value_name = "NAME")]
     clip: Option<String>,
-    /// Seconds into the clip.
+    /// Seconds into the clip; beyond its ends it holds.
     #[arg(long, default_value_t = 0.0, requires = "clip", value_name = "SECONDS", value_parser = super::finite)]
     time: f32,
 }
@@ -52,8 +52,8 @@ pub(crate) struct Detail {
     /// At most this many Gaussians [default: all].
     #[arg(long, value_name = "N", conflicts_with = "level")]
     budget: Option<u32>,
-    /// Level of detail, may lie between two.
-    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
+    /// Level of detail: 0 is the first layer, all layers less one is everything; may lie between two.
+    #[arg(long, value_name = "X", value_parser = super::not_negative)]
     level: Option<f32>,
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use dermis_format::packed;
 use dermis_runtime::Avatar;
 use dermis_trainer::output::{self, Output};
@@ -31,9 +31,14 @@ struct Report {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let to = Output::create(&arguments.output)?;
+    let to = Output::create(&arguments.output, &[&arguments.file])?;
     let name = || arguments.file.display().to_string();
     let bytes = output::read(&arguments.file)?;
+    ensure!(
+        !packed::is_packed(&bytes),
+        "{}: is packed already: use it as it is, all other commands read it",
+        name()
+    );
     let packed = packed::pack(&bytes).with_context(name)?;
     let gaussians = Avatar::parse(&bytes).with_context(name)?.header().gaussians;
     let report = Report {

@@ -22,7 +22,7 @@ pub(crate) struct Arguments {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// A camera file; otherwise the camera circles the avatar.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["yaw", "pitch", "distance", "size"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["yaw", "pitch", "distance", "size", "background"])]
     camera: Option<PathBuf>,
     /// Degrees around the avatar; 0 looks at its front.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "DEGREES", value_parser = super::finite)]
@@ -36,6 +36,9 @@ pub(crate) struct Arguments {
     /// Pixels.
     #[arg(long, default_value = "540x540", value_name = "WxH")]
     size: Size,
+    /// Behind the avatar, 0 to 1.
+    #[arg(long, default_value = "1,1,1", value_name = "R,G,B", value_parser = super::color)]
+    background: [f32; 3],
     #[command(flatten)]
     posing: Posing,
     #[command(flatten)]
@@ -71,7 +74,11 @@ struct Report {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let output = output::Output::create(&arguments.output)?;
+    let is_png = arguments.output.extension().is_some_and(|name| name.eq_ignore_ascii_case("png"));
+    if !is_png {
+        super::misuse("--output: a picture is a PNG; give it a name that ends in .png");
+    }
+    let output = output::Output::create(&arguments.output, &[&arguments.file])?;
     let (report, png) = super::with_avatar(&arguments.file, |avatar| picture(avatar, arguments))?;
     output.finish(&png)?;
     super::print(common, &report, |r| {
@@ -118,5 +125,5 @@ fn shot(avatar: &Avatar<'_>, pose: &Pose<'_>, arguments: &Arguments) -> Result<S
     let Size(width, height) = arguments.size;
     let &Arguments { yaw, pitch, distance, .. } = arguments;
     let camera = Orbit { yaw, pitch, distance }.camera(avatar, pose, width, height)?;
-    Ok(Shot { camera, background: [1.0; 3] })
+    Ok(Shot { camera, background: arguments.background })
 }

@@ -43,22 +43,25 @@ pub(crate) struct Arguments {
     /// Width and height of the pictures, px [default: of the preset].
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=4096))]
     size: Option<u32>,
-    /// lapisgs, face-lod, formats: Gaussians of the finest level.
-    #[arg(long, default_value_t = 75_000, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
-    gaussians: u32,
-    /// face-lod: meshes at most, the first Gaussians standing on coarser ones where one is as good as the surface.
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
-    mesh_levels: u32,
+    /// lapisgs, face-lod, formats: Gaussians of the finest level [default: 75000].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=16_000_000))]
+    gaussians: Option<u32>,
+    /// face-lod: meshes at most, the first Gaussians standing on coarser ones where one is as good as the surface [default: 1].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4))]
+    mesh_levels: Option<u32>,
     /// What the few bits of the file's numbers may cost a level, dB [default: of the preset].
     #[arg(long, value_name = "X", value_parser = super::not_negative)]
     max_loss_db: Option<f32>,
-    /// lodavatar: leave out avatars of more Gaussians.
-    #[arg(long, default_value_t = 1_500_000, value_name = "N")]
-    greatest: u32,
+    /// lodavatar: leave out avatars of more Gaussians [default: 1500000].
+    #[arg(long, value_name = "N")]
+    greatest: Option<u32>,
     /// lodavatar: joints whose triangles are detailed [default: those with "head" or "hand" in their names].
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     detail_joints: Vec<String>,
 }
+
+/// Gaussians of the greatest avatar of LoDAvatar's tables: more take hours.
+const GREATEST: u32 = 1_500_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Paper {
@@ -103,24 +106,42 @@ struct Report<T> {
     entries: Vec<T>,
 }
 
+/// Ends the program for an option that these tables do not have.
+fn refuse_foreign(arguments: &Arguments) {
+    let Arguments { paper, splat, .. } = arguments;
+    let trained = splat.is_none();
+    let (lodavatar, face_lod) = (*paper == Paper::Lodavatar, *paper == Paper::FaceLod);
+    let options = [
+        ("--splat", splat.is_some(), *paper == Paper::Formats),
+        ("--gaussians", arguments.gaussians.is_some(), trained && !lodavatar),
+        ("--mesh-levels", arguments.mesh_levels.is_some(), face_lod),
+        ("--greatest", arguments.greatest.is_some(), lodavatar),
+        ("--detail-joints", !arguments.detail_joints.is_empty(), lodavatar),
+        ("--steps", arguments.steps.is_some(), trained),
+        ("--keyframes", arguments.keyframes.is_some(), trained),
+        ("--max-loss-db", arguments.max_loss_db.is_some(), trained),
+    ];
+    if let Some((name, ..)) = options.iter().find(|(_, given, taken)| *given && !taken) {
+        super::misuse(&format!("{name}: these tables have no use for it; leave it out"));
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
+    refuse_foreign(arguments);
     let Some(mesh) = &arguments.mesh else { return of_splats(arguments, common) };
     let model = import::load(mesh)?;
     let preset = Options::preset(arguments.preset);
     let options = Options {
-        gaussians: arguments.gaussians,
+        gaussians: arguments.gaussians.unwrap_or(preset.gaussians),
         steps: arguments.steps.unwrap_or(preset.steps),
         key_frames: arguments.keyframes.unwrap_or(preset.key_frames),
         views: arguments.views,
         size: arguments.size.unwrap_or(preset.size),
         seed: common.seed,
         max_loss_db: arguments.max_loss_db.unwrap_or(preset.max_loss_db),
-        mesh_levels: arguments.mesh_levels,
+        mesh_levels: arguments.mesh_levels.unwrap_or(preset.mesh_levels),
         ..preset
     };
-    if options.mesh_levels > 1 && arguments.paper != Paper::FaceLod {
-        super::misuse("--mesh-levels: is of face-lod alone; leave it out");
-    }
     let measure = Measure { key_frames: options.key_frames, views: options.views };
     let named = || mesh.display().to_string();
     match arguments.paper {
@@ -131,7 +152,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
                 &options,
                 &detail,
                 measure,
-                arguments.greatest,
+                arguments.greatest.unwrap_or(GREATEST),
                 |entry| done(&entry.avatar, entry.seconds),
             );
             let report = report(&options, entries.with_context(named)?);
@@ -158,9 +179,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 
 /// Formats of Gaussians that are trained.
 fn of_splats(arguments: &Arguments, common: &Common) -> Result<()> {
-    let Some(splat) = arguments.splat.as_ref().filter(|_| arguments.paper == Paper::Formats) else {
-        super::misuse("--splat: only formats takes it; give a mesh");
-    };
+    let splat = arguments.splat.as_ref().context("give a mesh, or --splat")?;
     let options = Options::preset(arguments.preset);
     let size = arguments.size.unwrap_or(options.size);
     print_formats(common, formats::of_splats(splat, arguments.views, size, options.background)?)

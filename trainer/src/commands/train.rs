@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
     /// Layers [default: 4; lodavatar: 2].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     levels: Option<u32>,
-    /// Steps of one picture each [default: of the preset].
+    /// Steps of one picture each, beside those of the survey [default: of the preset].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     steps: Option<u32>,
     /// Steps of a first, evenly spread avatar, whose error says where Gaussians go; 0: spread evenly [default: of
@@ -107,7 +107,7 @@ struct Report {
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let options = options(arguments, common)?;
-    let output = output::Output::create(&arguments.output)?;
+    let output = output::Output::create(&arguments.output, &[&arguments.mesh])?;
     let model = import::load(&arguments.mesh)?;
     check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
     let trained = match &arguments.checkpoint {
@@ -128,7 +128,7 @@ fn text(report: &Report) -> String {
     let Culling { culled, all, pictures } = culling;
     let meshes: String = mesh_trials.iter().map(of_trial).collect();
     format!(
-        "{steps} steps in {seconds:.1} s\n{meshes}\
+        "{steps} steps, those of the survey among them, in {seconds:.1} s\n{meshes}\
          culling: {:.2} dB over the foreground and {:.1} blends a pixel with it, {:.2} dB and {:.1} without \
          ({pictures} training pictures)\n{}",
         culled.psnr_foreground_db,

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use dermis_format::packed;
+use dermis_runtime::Avatar;
 use dermis_trainer::output::{self, Output};
 use serde::Serialize;
 
@@ -26,9 +27,15 @@ struct Report {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let to = Output::create(&arguments.output)?;
+    let to = Output::create(&arguments.output, &[&arguments.file])?;
     let packed = output::read(&arguments.file)?;
-    let bytes = packed::unpack(&packed).with_context(|| arguments.file.display().to_string())?;
+    let name = || arguments.file.display().to_string();
+    ensure!(
+        Avatar::parse(&packed).is_err(),
+        "{}: is not packed: it is an avatar, use it as it is",
+        name()
+    );
+    let bytes = packed::unpack(&packed).with_context(name)?;
     to.finish(&bytes)?;
     let report = Report { packed_bytes: packed.len(), bytes: bytes.len() };
     super::print(common, &report, |r| format!("{} bytes, {} packed\n", r.bytes, r.packed_bytes))

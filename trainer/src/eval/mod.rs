@@ -105,7 +105,7 @@ impl Row {
         "level",
         "Gaussians",
         "bytes",
-        "views",
+        "pictures",
         "PSNR dB",
         "foreground dB",
         "SSIM",
