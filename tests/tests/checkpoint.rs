@@ -238,9 +238,12 @@ fn leftovers_are_removed_and_files_of_others_are_not() {
     {
         fs::write(checkpoint.folder.join(name), "half").expect("it can be written");
     }
+    fs::write(checkpoint.folder.join("lock"), "somebody's").expect("it can be written");
     let trained = train_resumably(&demo_avatar(), &options, &checkpoint).expect("it goes on");
     assert!(trained.bytes == trained_demo(&options).1.bytes);
     assert_eq!(names(&checkpoint.folder), [".notes.7.tmp", "lock", "notes", "result"]);
+    let lock = fs::read(checkpoint.folder.join("lock")).expect("it is there");
+    assert_eq!(lock, b"somebody's");
 }
 
 /// Waits until `there`; whether the child still runs then.

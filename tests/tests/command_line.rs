@@ -83,7 +83,7 @@ fn files_that_cannot_be_read_or_written() {
     let folder = folder("unwritable");
     fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
     fs::write(folder.join("notes.txt"), "no avatar").expect("it can be written");
-    fs::create_dir(folder.join("there")).expect("it can be made");
+    fs::create_dir(folder.join("there.png")).expect("it can be made");
     for command in ["info", "render -o out.png", "eval --mesh mesh.glb"] {
         fails(&folder, &format!("{command} absent.dermis"), &["absent.dermis: ", "; ", "path"]);
         fails(&folder, &format!("{command} notes.txt"), &["notes.txt: ", "; "]);
@@ -93,7 +93,7 @@ fn files_that_cannot_be_read_or_written() {
     fails(&folder, "render a.dermis -o out.png --camera absent.json", &["absent.json: ", "; "]);
     fails(&folder, "render a.dermis -o out.png --camera notes.txt", &["notes.txt: ", "; "]);
     // A file where a folder should be, no folder at all, and a folder where the file should be.
-    for output in ["notes.txt/out", "absent/out", "there"] {
+    for output in ["notes.txt/out.png", "absent/out.png", "there.png"] {
         let mesh = format!("train mesh.glb {TINY} -o {output}");
         for command in [&mesh, &format!("render a.dermis -o {output}")] {
             fails(&folder, command, &[&format!("{output}: "), "; "]);
@@ -103,6 +103,74 @@ fn files_that_cannot_be_read_or_written() {
     // What stood there before a failure still stands there.
     fails(&folder, &format!("train notes.txt -o a.dermis {TINY}"), &["notes.txt: "]);
     json(&folder, "info a.dermis");
+}
+
+/// What is read stays, however the output's name comes to it; and nothing is written under a name that says something else.
+#[test]
+fn inputs_are_not_written_over() {
+    let folder = folder("own_input");
+    let glb = SmallMesh::pyramid().glb();
+    fs::write(folder.join("mesh.glb"), &glb).expect("it can be written");
+    fs::create_dir(folder.join("sub")).expect("it can be made");
+    fs::copy(folder.join("a.dermis"), folder.join("a.png")).expect("it can be copied");
+    let said = ": is read, too; ";
+    fails(&folder, &format!("train mesh.glb -o sub/../mesh.glb {TINY}"), &["mesh.glb", said]);
+    assert_eq!(fs::read(folder.join("mesh.glb")).expect("it is there"), glb);
+    fails(&folder, "render a.png -o ./a.png", &["a.png", said]);
+    fails(&folder, "bench a.dermis --svg a.dermis", &["a.dermis", said]);
+    for command in ["pack", "unpack"] {
+        fails(&folder, &format!("{command} a.dermis -o a.dermis"), &["a.dermis", said]);
+    }
+    misuses(&folder, "render a.dermis -o a.jpg", "png");
+    misuses(&folder, &format!("train mesh.glb --checkpoint sub -o sub/out {TINY}"), "--checkpoint");
+    json(&folder, "info a.dermis");
+}
+
+/// Each command knows the other's file.
+#[test]
+fn packed_and_unpacked_files_are_told_apart() {
+    let folder = folder("packed_or_not");
+    json(&folder, "pack a.dermis -o a.packed");
+    fails(&folder, "pack a.packed -o again", &["a.packed: is packed already"]);
+    fails(&folder, "unpack a.dermis -o again", &["a.dermis: is not packed"]);
+    let bytes = |name: &str| fs::metadata(folder.join(name)).expect("it is there").len();
+    let info = json(&folder, "info a.packed");
+    assert_eq!(info["packed_bytes"], bytes("a.packed"));
+    assert_eq!(info["bytes"], bytes("a.dermis"));
+    assert!(json(&folder, "info a.dermis").get("packed_bytes").is_none());
+}
+
+/// What a command has no use for is not taken in silence.
+#[test]
+fn options_that_would_do_nothing_are_refused() {
+    let folder = folder("foreign_options");
+    fs::write(folder.join("mesh.glb"), SmallMesh::pyramid().glb()).expect("it can be written");
+    for (paper, option) in [
+        ("lodavatar", "--gaussians 500"),
+        ("lapisgs", "--mesh-levels 2"),
+        ("lapisgs", "--greatest 3"),
+        ("formats", "--detail-joints a"),
+        ("face-lod", "--greatest 3"),
+    ] {
+        let name = option.split(' ').next().unwrap_or(option);
+        misuses(&folder, &format!("reproduce {paper} mesh.glb {option}"), name);
+    }
+    misuses(&folder, "reproduce formats --splat a.ply --steps 5", "--steps");
+    misuses(&folder, "eval a.dermis --mesh mesh.glb --prefix 5 --budgets 3", "--budgets");
+    misuses(&folder, "bench a.dermis --once --stereo", "--stereo");
+    misuses(&folder, "bench a.dermis --once --json", "--json");
+    misuses(&folder, "train mesh.glb -o b.dermis --method single --levels 2", "--levels");
+    // A misspelt key, and a colour of 8 bits.
+    let camera = json!({
+        "width": 8, "height": 8, "fx": 8, "fy": 8, "cx": 4, "cy": 4,
+        "world_to_camera": [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 3, 0, 0, 0, 1],
+    });
+    for (key, value) in [("backgroud", json!([0, 0, 0])), ("background", json!([0, 0, 255]))] {
+        let mut camera = camera.clone();
+        camera[key] = value;
+        fs::write(folder.join("cam.json"), camera.to_string()).expect("it can be written");
+        fails(&folder, "render a.dermis -o out.png --camera cam.json", &["cam.json: ", "; "]);
+    }
 }
 
 /// A device that never ends, and a pipe that nobody writes to.

@@ -20,6 +20,7 @@ pub struct Shot {
 }
 
 #[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
 struct CameraFile {
     width: u32,
     height: u32,

@@ -94,7 +94,8 @@ fn run(cli: &Cli) -> Result<()> {
     }
 }
 
-/// Messages of libraries may hold line breaks.
+/// Messages of libraries may hold line breaks, and names in files what terminals obey.
 fn one_line(message: &str) -> String {
-    message.split_whitespace().collect::<Vec<_>>().join(" ")
+    let words = message.split(|c: char| c.is_whitespace() || c.is_control());
+    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }

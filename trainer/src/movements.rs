@@ -12,16 +12,22 @@ use crate::scene::{Pose, posed_vertices};
 /// Moments of a clip that are looked at, each second and at most.
 const MOMENTS_PER_SECOND: f32 = 10.0;
 const MOST_MOMENTS: usize = 64;
+/// Joints looked at below each joint in all poses together, at most: of more, poses are left out. Avatars have a hundredth of it.
+const MOST_LOOKS: usize = 1 << 29;
 /// Over which speed is measured, seconds: from key to key of the file.
 const INSTANT: f32 = 1.0 / 30.0;
 
 /// Measures all joints, morph targets and clips of a model.
 pub fn measure(model: &Model) -> MeasuredMovements {
     let areas = vertex_areas(model);
-    let poses: Vec<Pose> = (0..model.clips.len())
+    let all: Vec<(usize, f32)> = (0..model.clips.len())
         .flat_map(|clip| moments(model.clips[clip].seconds).map(move |seconds| (clip, seconds)))
-        .map(|(clip, seconds)| Pose::of_clip(model, clip, seconds))
         .collect();
+    let most = (MOST_LOOKS / model.joints.len().max(1).pow(2)).max(1);
+    let step = all.len().div_ceil(most).max(1);
+    let looked_at = all.iter().step_by(step);
+    let poses: Vec<Pose> =
+        looked_at.map(|&(clip, seconds)| Pose::of_clip(model, clip, seconds)).collect();
     let rest = Pose::rest(model);
     let greatest = |joint: usize| {
         let below = Below::new(model, joint);

@@ -6,17 +6,16 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 
-/// A file in the making: a temporary one beside it, which takes its name at the end. Made before
-/// long work starts, so that a folder that cannot be written to is no surprise after it.
+/// A file to be written: in the end, under another name beside it, and then renamed. Made before long work starts, so that a
+/// folder that cannot be written to is no surprise after it; a program that is stopped before the end leaves nothing.
 #[derive(Debug)]
 pub struct Output {
     path: PathBuf,
     temporary: PathBuf,
-    file: File,
 }
 
 impl Output {
-    /// Reserves `path`, which none of the files that are `read` for it may be.
+    /// Checks that `path` can be written, and is none of the files that are `read` for it.
     pub fn create(path: &Path, read: &[&Path]) -> Result<Self> {
         let name = path
             .file_name()
@@ -31,10 +30,11 @@ impl Output {
         ensure!(!read.iter().any(same), "{}: is read, too; write another file", path.display());
         let temporary =
             path.with_file_name(format!(".{}.{}.tmp", name.to_string_lossy(), std::process::id()));
-        let file = File::create(&temporary).with_context(|| {
+        let tried = File::create(&temporary).and_then(|_| fs::remove_file(&temporary));
+        tried.with_context(|| {
             format!("{}: cannot be written; choose another folder", path.display())
         })?;
-        Ok(Self { path: path.to_owned(), temporary, file })
+        Ok(Self { path: path.to_owned(), temporary })
     }
 
     /// Writes everything and gives the file its name.
@@ -48,23 +48,23 @@ impl Output {
     }
 
     fn finish_after(
-        mut self,
+        self,
         bytes: &[u8],
         written: impl FnOnce(&File) -> io::Result<()>,
     ) -> Result<()> {
-        let named = (self.file.write_all(bytes))
-            .and_then(|()| written(&self.file))
-            .and_then(|()| fs::rename(&self.temporary, &self.path));
+        let write = || {
+            let mut file = File::create(&self.temporary)?;
+            file.write_all(bytes)?;
+            written(&file)?;
+            fs::rename(&self.temporary, &self.path)
+        };
+        let named = write();
+        if named.is_err() {
+            let _ = fs::remove_file(&self.temporary);
+        }
         named.with_context(|| {
             format!("{}: cannot be written; is there room on the disk?", self.path.display())
         })
-    }
-}
-
-impl Drop for Output {
-    fn drop(&mut self) {
-        // After `finish` there is nothing of this name left.
-        let _ = fs::remove_file(&self.temporary);
     }
 }
 

@@ -30,6 +30,20 @@ fn a_textured_quad_becomes_two_triangles() {
     assert_eq!(model.textures[0].image.dimensions(), (2, 1));
 }
 
+/// Editors put a byte order mark before the first line.
+#[test]
+fn marked_files_are_the_same_files() {
+    let mtl = "newmtl skin\nKd 1 0 0\n";
+    let (plain, mark) = (load(QUAD, Some(mtl)).unwrap(), '\u{feff}');
+    for obj in [QUAD, QUAD.trim_start_matches("mtllib a.mtl\n")] {
+        let marked = load(&format!("{mark}{obj}"), Some(&format!("{mark}{mtl}"))).unwrap();
+        assert_eq!(marked.vertices, plain.vertices);
+    }
+    let marked = load(&format!("{mark}{QUAD}"), Some(&format!("{mark}{mtl}"))).unwrap();
+    assert_eq!(marked.materials[0].base_color, plain.materials[0].base_color);
+    assert_eq!(plain.materials[0].base_color, Vec4::new(1.0, 0.0, 0.0, 1.0));
+}
+
 #[test]
 fn a_missing_library_leaves_the_material_plain() {
     let model = load(QUAD, None).unwrap();

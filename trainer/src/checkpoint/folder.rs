@@ -76,7 +76,10 @@ impl Folder {
             )
         };
         fs::create_dir_all(path).with_context(unusable)?;
-        let lock = File::create(path.join("lock")).with_context(unusable)?;
+        let mut options = File::options();
+        // Not emptied: a file of this name may be somebody's.
+        options.write(true).create(true).truncate(false);
+        let lock = options.open(path.join("lock")).with_context(unusable)?;
         lock_within(&lock, TRIES).with_context(|| path.display().to_string())?;
         let folder = Self { path: path.to_owned(), fingerprint, _lock: lock };
         for (text, name) in folder.names()? {

@@ -74,7 +74,7 @@ pub(crate) struct Arguments {
     stereo: bool,
     /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
     /// instructions.
-    #[arg(long, conflicts_with_all = ["runs", "approximations", "svg"])]
+    #[arg(long, conflicts_with_all = ["runs", "approximations", "svg", "stereo", "approach", "training", "unpacking", "json"])]
     once: bool,
 }
 

@@ -11,10 +11,11 @@ use dermis_trainer::draw::{draw, rgb_of};
 use dermis_trainer::eval::{EvalOptions, Evaluation, evaluate};
 use dermis_trainer::model::Model;
 use dermis_trainer::options::{Options, Preset};
+use dermis_trainer::output::{self, Output};
 use dermis_trainer::page::{Figure, Gallery, html};
+use dermis_trainer::progress;
 use dermis_trainer::scene::{self, KeyFrame, Painter, RigScale};
 use dermis_trainer::train::{self, runtime_pose};
-use dermis_trainer::{output, progress};
 use glam::Vec3;
 use serde::Serialize;
 
@@ -48,6 +49,9 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     std::fs::create_dir_all(out).with_context(|| {
         format!("{}: cannot be made; choose another folder with --out", out.display())
     })?;
+    let (avatar_path, page) = (out.join("avatar.dermis"), out.join("index.html"));
+    let avatar_file = Output::create(&avatar_path, &[])?;
+    let page_file = Output::create(&page, &[])?;
     let model = demo_avatar();
     let preset = Options::preset(Preset::Draft);
     let options = Options {
@@ -59,8 +63,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         ..preset
     };
     let trained = train::train(&model, &options)?;
-    let avatar_path = out.join("avatar.dermis");
-    output::write(&avatar_path, &trained.bytes)?;
+    avatar_file.finish(&trained.bytes)?;
     let avatar = Avatar::parse(&trained.bytes)?;
     let measure = EvalOptions {
         key_frames: 2,
@@ -83,11 +86,8 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
         model.triangles.len(),
         trained.steps
     );
-    let page = out.join("index.html");
-    output::write(
-        &page,
-        html("Dermis: one small avatar", &intro, &galleries, &evaluation, &info).as_bytes(),
-    )?;
+    let text = html("Dermis: one small avatar", &intro, &galleries, &evaluation, &info);
+    page_file.finish(text.as_bytes())?;
     let report = Report { seconds, page, avatar: avatar_path, evaluation, info };
     super::print(common, &report, |r| {
         format!(

@@ -85,7 +85,13 @@ fn positive(text: &str) -> Result<f32, String> {
 
 /// Prints `value` as JSON, or what `text` makes of it.
 fn print<T: Serialize>(common: &Common, value: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
-    let text = if common.json { serde_json::to_string(value)? + "\n" } else { text(value) };
+    // Names in files may hold what terminals obey.
+    let plain = |c: char| if c.is_control() && c != '\n' { ' ' } else { c };
+    let text = if common.json {
+        serde_json::to_string(value)? + "\n"
+    } else {
+        text(value).chars().map(plain).collect()
+    };
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         // Who reads has seen enough.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),

@@ -1,6 +1,6 @@
 //! `dermis render`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use dermis_runtime::{Avatar, Pose};
@@ -78,7 +78,9 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     if !is_png {
         super::misuse("--output: a picture is a PNG; give it a name that ends in .png");
     }
-    let output = output::Output::create(&arguments.output, &[&arguments.file])?;
+    let read: Vec<&Path> =
+        [&arguments.file].into_iter().chain(&arguments.camera).map(PathBuf::as_path).collect();
+    let output = output::Output::create(&arguments.output, &read)?;
     let (report, png) = super::with_avatar(&arguments.file, |avatar| picture(avatar, arguments))?;
     output.finish(&png)?;
     super::print(common, &report, |r| {

@@ -1,6 +1,6 @@
 //! `dermis train`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
@@ -108,6 +108,13 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
     let options = options(arguments, common)?;
     let output = output::Output::create(&arguments.output, &[&arguments.mesh])?;
+    if let Some(folder) = &arguments.checkpoint {
+        let parent = arguments.output.parent().unwrap_or(Path::new(""));
+        let [parent, folder] = [parent, folder].map(std::path::absolute);
+        if parent.is_ok_and(|parent| folder.is_ok_and(|folder| parent == folder)) {
+            super::misuse("--output: lies in the folder of --checkpoint; choose another one");
+        }
+    }
     let model = import::load(&arguments.mesh)?;
     check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
     let trained = match &arguments.checkpoint {
@@ -177,6 +184,13 @@ fn options(arguments: &Arguments, common: &Common) -> Result<Options> {
         super::misuse(
             "--gaussians: lodavatar's count follows from the mesh; choose --levels instead",
         );
+    }
+    let alone = matches!(arguments.method, Method::Single | Method::Multiscale);
+    if alone && arguments.levels.is_some() {
+        super::misuse("--levels: a set alone has one; leave it out");
+    }
+    if lodavatar && arguments.survey_steps.is_some() {
+        super::misuse("--survey-steps: lodavatar places Gaussians without; leave it out");
     }
     let levels = arguments.levels.unwrap_or(if lodavatar { 2 } else { preset.levels });
     if arguments.mesh_levels > 1 && arguments.method != Method::Dermis {

@@ -110,7 +110,31 @@ fn read_zstd(mut file: impl BufRead, len: u64) -> Result<(Header, Vec<Vec<u8>>)>
     Ok((header, planes))
 }
 
+/// Greatest window of a zstd stream, bytes: what decoders are asked to support, and all that ours keeps in memory.
+const WINDOW_LIMIT: u64 = 1 << 27;
+
+/// The window that a zstd frame asks for (RFC 8878, 3.1.1.1); `None` where the header ends early.
+fn window(frame: &[u8]) -> Option<u64> {
+    let descriptor = *frame.get(4)?;
+    if descriptor & 0x20 == 0 {
+        let window = *frame.get(5)?;
+        let base = 1u64 << (10 + (window >> 3));
+        return Some(base + base / 8 * u64::from(window & 7));
+    }
+    // One segment: as long as the content, which stands behind the dictionary's number.
+    let at = 5 + [0, 1, 2, 4][usize::from(descriptor & 3)];
+    let (len, least) = [(1, 0), (2, 256), (4, 0), (8, 0)][usize::from(descriptor >> 6)];
+    let mut size = [0; 8];
+    size[..len].copy_from_slice(frame.get(at..at + len)?);
+    Some(u64::from_le_bytes(size).saturating_add(least))
+}
+
 fn read_stream(packed: &[u8], bytes: u64, name: &str) -> Result<Vec<u8>> {
+    let window = window(packed).unwrap_or(0);
+    ensure!(
+        window <= WINDOW_LIMIT.max(bytes),
+        "the zstd stream of its {name} asks for {window} bytes of memory; export it again"
+    );
     let mut stream = StreamingDecoder::new(packed)
         .map_err(|error| anyhow!("the zstd stream of its {name}: {error}; export it again"))?;
     let plane = read_exactly(&mut stream, bytes, name)?;
@@ -235,5 +259,25 @@ impl Header {
         }
         splats.lower_degree();
         (splats, left_out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Headers of RFC 8878: a window of 2^41 bytes, one with an eighth more, and segments of one piece.
+    #[test]
+    fn windows_of_streams_are_known_before_they_are_opened() {
+        let frame = |header: &[u8]| [&[0x28, 0xb5, 0x2f, 0xfd], header].concat();
+        assert_eq!(window(&frame(&[0x00, 31 << 3])), Some(1 << 41));
+        assert_eq!(window(&frame(&[0x00, 1])), Some(1024 + 128));
+        assert_eq!(window(&frame(&[0x20, 200])), Some(200));
+        assert_eq!(window(&frame(&[0x61, 9, 1, 2])), Some(256 + 0x0201));
+        assert_eq!(window(&frame(&[0xa0, 1, 2, 3, 4])), Some(0x0403_0201));
+        assert_eq!(window(&frame(&[0xe0, 255, 255, 255, 255, 255, 255, 255, 255])), Some(u64::MAX));
+        assert_eq!(window(&frame(&[0x80])), None);
+        let error = read_stream(&frame(&[0x00, 31 << 3, 0, 0, 0]), 100, "positions").unwrap_err();
+        assert!(error.to_string().contains("asks for 2199023255552 bytes"), "{error}");
     }
 }

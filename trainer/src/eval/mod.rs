@@ -163,6 +163,10 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
             continue;
         }
         let sums = measure(avatar, &painter, frames, split, &measured, options)?;
+        ensure!(
+            sums.iter().all(|sum| sum.covered > 0),
+            "no picture shows the mesh; choose a smaller distance, or greater pictures"
+        );
         rows.extend(measured.iter().zip(sums).map(|(one, sum)| one.row(split, &sum)));
     }
     let views = novel.len() * directions(Split::NovelView, options).len();

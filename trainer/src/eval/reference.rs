@@ -39,6 +39,9 @@ struct Exact {
     is_seen: bool,
 }
 
+/// Pixels of a frame at most: in f64 they take 400 MB.
+const MOST_PIXELS: u64 = 1 << 24;
+
 /// Draws one frame over `background`: (r, g, b) of each pixel, row-major, not rounded.
 pub fn draw_reference(
     avatar: &Avatar<'_>,
@@ -48,6 +51,10 @@ pub fn draw_reference(
     background: [f32; 3],
 ) -> Result<Vec<[f64; 3]>> {
     let (width, height) = (camera.width, camera.height);
+    ensure!(
+        u64::from(width) * u64::from(height) <= MOST_PIXELS,
+        "{width}×{height} pixels are too many for the f64 reference; choose 4096×4096 at most"
+    );
     let budget = plan.gaussians();
     let mut posing = vec![0; Posed::scratch_len(avatar)];
     let mut preparing = vec![0; Prepared::scratch_len(avatar, budget, width, height)];

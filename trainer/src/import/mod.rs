@@ -36,8 +36,8 @@ const MAX_TRIANGLES: usize = 2 * MAX_VERTICES;
 /// Greatest number of displacements of all morph targets, and of numbers in all key frames.
 const MAX_NUMBERS: usize = 1 << 26;
 
-/// Greatest number of texels of all textures: 16 of 4096 × 4096, or 1 GiB.
-const MAX_TEXELS: usize = 1 << 28;
+/// Greatest number of texels of all textures: 4 of 4096 × 4096, or 1 GB with their smaller copies.
+const MAX_TEXELS: usize = 1 << 26;
 
 /// Reads a GLB, glTF or OBJ file with all that it refers to.
 ///
@@ -63,7 +63,37 @@ fn read(path: &Path) -> Result<Model> {
     };
     model.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     check(&model)?;
+    keep_used_vertices(&mut model);
     Ok(model)
+}
+
+/// Leaves out vertices on which no triangle stands: they would count where a mesh's size is measured.
+fn keep_used_vertices(model: &mut Model) {
+    let mut used = vec![false; model.vertices.len()];
+    for corner in model.triangles.iter().flat_map(|triangle| triangle.corners) {
+        used[corner as usize] = true;
+    }
+    if used.iter().all(|&used| used) {
+        return;
+    }
+    let mut count = 0;
+    let places: Vec<Option<u32>> = used
+        .iter()
+        .map(|&used| {
+            count += u32::from(used);
+            used.then(|| count - 1)
+        })
+        .collect();
+    let mut used = used.iter();
+    model.vertices.retain(|_| used.next().is_some_and(|&used| used));
+    for corner in model.triangles.iter_mut().flat_map(|triangle| &mut triangle.corners) {
+        *corner = places[*corner as usize].unwrap_or(0);
+    }
+    for target in &mut model.morph_targets {
+        let kept = target.deltas.iter();
+        let kept = kept.filter_map(|&(vertex, delta)| Some((places[vertex as usize]?, delta)));
+        target.deltas = kept.collect();
+    }
 }
 
 fn starts_like_json(bytes: &[u8]) -> bool {
@@ -98,4 +128,39 @@ fn add_within(total: &mut usize, more: usize, limit: usize, what: &str) -> Resul
 fn check_within(total: usize, limit: usize, what: &str) -> Result<()> {
     ensure!(total <= limit, "has more than {limit} {what}; simplify it first");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{MorphTarget, Triangle, Vertex};
+    use glam::{Vec2, Vec3, Vec4};
+
+    #[test]
+    fn vertices_without_triangles_are_left_out() {
+        let vertex = |x: f32| Vertex {
+            position: Vec3::splat(x),
+            uv: Vec2::ZERO,
+            color: Vec4::ONE,
+            influences: Default::default(),
+        };
+        let triangle = |corners| Triangle { corners, material: 0 };
+        let mut model = Model {
+            vertices: [9.0, 0.0, 1.0, 8.0, 2.0, 7.0].map(vertex).to_vec(),
+            triangles: vec![triangle([1, 2, 4]), triangle([4, 2, 1])],
+            morph_targets: vec![MorphTarget {
+                deltas: [0, 2, 3, 4].map(|index| (index, Vec3::splat(index as f32))).to_vec(),
+                ..MorphTarget::default()
+            }],
+            ..Model::default()
+        };
+        keep_used_vertices(&mut model);
+        let positions: Vec<f32> = model.vertices.iter().map(|v| v.position.x).collect();
+        assert_eq!(positions, [0.0, 1.0, 2.0]);
+        assert_eq!(
+            model.triangles.iter().map(|t| t.corners).collect::<Vec<_>>(),
+            [[0, 1, 2], [2, 1, 0]]
+        );
+        assert_eq!(model.morph_targets[0].deltas, [(1, Vec3::splat(2.0)), (2, Vec3::splat(4.0))]);
+    }
 }

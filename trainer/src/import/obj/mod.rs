@@ -19,7 +19,7 @@ pub(super) fn import(bytes: &[u8], path: &Path) -> Result<Model> {
     let text = String::from_utf8_lossy(bytes);
     let mut reader = Reader::new(path.parent().unwrap_or(Path::new("")));
     let mut statement = String::new();
-    for (number, line) in (1..).zip(text.lines()) {
+    for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
         // A backslash continues a statement on the next line.
         if let Some(begun) = line.strip_suffix('\\') {
             statement.push_str(begun);

@@ -36,7 +36,7 @@ impl Library {
         let bytes = read_unnamed(path).unwrap_or_default();
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut name = None;
-        for line in String::from_utf8_lossy(&bytes).lines() {
+        for line in String::from_utf8_lossy(&bytes).trim_start_matches('\u{feff}').lines() {
             let (keyword, rest) = keyword(line);
             if keyword == "newmtl" {
                 let plain = Statement { color: Vec3::ONE, opacity: 1.0, texture: None };
