@@ -133,11 +133,6 @@ fn packed_and_unpacked_files_are_told_apart() {
     json(&folder, "pack a.dermis -o a.packed");
     fails(&folder, "pack a.packed -o again", &["a.packed: is packed already"]);
     fails(&folder, "unpack a.dermis -o again", &["a.dermis: is not packed"]);
-    let bytes = |name: &str| fs::metadata(folder.join(name)).expect("it is there").len();
-    let info = json(&folder, "info a.packed");
-    assert_eq!(info["packed_bytes"], bytes("a.packed"));
-    assert_eq!(info["bytes"], bytes("a.dermis"));
-    assert!(json(&folder, "info a.dermis").get("packed_bytes").is_none());
 }
 
 /// What a command has no use for is not taken in silence.

@@ -52,8 +52,9 @@ pub(crate) struct Detail {
     /// At most this many Gaussians [default: all].
     #[arg(long, value_name = "N", conflicts_with = "level")]
     budget: Option<u32>,
-    /// Level of detail: 0 is the first layer, all layers less one is everything; may lie between two.
-    #[arg(long, value_name = "X", value_parser = super::not_negative)]
+    /// Level of detail: 0 is the first layer, all layers less one is everything; may lie between two, and above -1 be a part of
+    /// the first.
+    #[arg(long, value_name = "X", allow_hyphen_values = true, value_parser = super::finite)]
     level: Option<f32>,
 }
 
