@@ -140,7 +140,7 @@ pub fn render(
     let (posing, rest) = scratch.split_at_mut_checked(Posed::scratch_len(avatar)).ok_or(missing)?;
     let preparing = Prepared::scratch_len(avatar, budget, width, height);
     let (preparing, drawing) = rest.split_at_mut_checked(preparing).ok_or(missing)?;
-    let posed = Posed::still_below(avatar, pose, plan.still_below(), kernel, posing)?;
+    let posed = Posed::moving_from(avatar, pose, plan.still_below(), kernel, posing)?;
     let prepared = Prepared::new(&posed, plan, camera, preparing)?;
     let drawn = prepared.draw(drawing, framebuffer)?;
     Ok(Statistics {

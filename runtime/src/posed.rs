@@ -49,11 +49,11 @@ impl<'s, 'a> Posed<'s, 'a> {
         kernel: Kernel,
         scratch: &'s mut [u32],
     ) -> Result<Self, Error> {
-        Self::still_below(avatar, pose, 0.0, kernel, scratch)
+        Self::moving_from(avatar, pose, 0.0, kernel, scratch)
     }
 
     /// [`Self::new`], but what moves the surface less than so many metres stays as it rests, as [`Plan::still_below`] says.
-    pub(crate) fn still_below(
+    pub(crate) fn moving_from(
         avatar: &'s Avatar<'a>,
         pose: &Pose<'_>,
         metres: f32,

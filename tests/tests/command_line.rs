@@ -105,7 +105,7 @@ fn files_that_cannot_be_read_or_written() {
     json(&folder, "info a.dermis");
 }
 
-/// What is read stays, however the output's name comes to it; and nothing is written under a name that says something else.
+/// The files that a command names to be read stay, however the output's name comes to them; and nothing is written under a name that says something else.
 #[test]
 fn inputs_are_not_written_over() {
     let folder = folder("own_input");
@@ -118,11 +118,20 @@ fn inputs_are_not_written_over() {
     assert_eq!(fs::read(folder.join("mesh.glb")).expect("it is there"), glb);
     fails(&folder, "render a.png -o ./a.png", &["a.png", said]);
     fails(&folder, "bench a.dermis --svg a.dermis", &["a.dermis", said]);
+    fails(&folder, "bench a.dermis --camera mesh.glb --svg mesh.glb", &["mesh.glb", said]);
+    let masked = format!("train mesh.glb {TINY} --detail-mask a.png --detail-camera a.dermis");
+    fails(&folder, &format!("{masked} -o a.png"), &["a.png", said]);
     for command in ["pack", "unpack"] {
         fails(&folder, &format!("{command} a.dermis -o a.dermis"), &["a.dermis", said]);
     }
     misuses(&folder, "render a.dermis -o a.jpg", "png");
-    misuses(&folder, &format!("train mesh.glb --checkpoint sub -o sub/out {TINY}"), "--checkpoint");
+    for output in [
+        "--checkpoint sub -o sub/out",
+        "--checkpoint sub/../sub -o sub/out",
+        "--checkpoint . -o out",
+    ] {
+        misuses(&folder, &format!("train mesh.glb {output} {TINY}"), "--checkpoint");
+    }
     json(&folder, "info a.dermis");
 }
 
@@ -154,6 +163,17 @@ fn options_that_would_do_nothing_are_refused() {
     misuses(&folder, "eval a.dermis --mesh mesh.glb --prefix 5 --budgets 3", "--budgets");
     misuses(&folder, "bench a.dermis --once --stereo", "--stereo");
     misuses(&folder, "bench a.dermis --once --json", "--json");
+    misuses(&folder, "--json bench a.dermis --once", "--json");
+    misuses(
+        &folder,
+        "train mesh.glb -o b.dermis --method lodavatar --survey-steps 5",
+        "--survey-steps",
+    );
+    fails(
+        &folder,
+        "render a.dermis -o out.png --kernel reference --size 4097x4096",
+        &["a.dermis: ", "; "],
+    );
     misuses(&folder, "train mesh.glb -o b.dermis --method single --levels 2", "--levels");
     // A misspelt key, and a colour of 8 bits.
     let camera = json!({

@@ -1,7 +1,7 @@
 //! A rigged, textured mesh as the importers leave it and everything else reads it.
 //!
-//! Vertices stay as the file stores them (a seam counts twice), because the counts of
-//! hierarchical embedding depend on them. All skins, rigid parts and node transforms are
+//! Vertices on which triangles stand stay as the file stores them (a seam counts twice), because the
+//! counts of hierarchical embedding depend on them. All skins, rigid parts and node transforms are
 //! already folded into one list of [`Joint`]s and [`Bind`]s, so posing has one case.
 
 use glam::{Affine3A, Quat, Vec2, Vec3, Vec4};

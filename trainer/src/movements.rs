@@ -12,7 +12,8 @@ use crate::scene::{Pose, posed_vertices};
 /// Moments of a clip that are looked at, each second and at most.
 const MOMENTS_PER_SECOND: f32 = 10.0;
 const MOST_MOMENTS: usize = 64;
-/// Joints looked at below each joint in all poses together, at most: of more, poses are left out. Avatars have a hundredth of it.
+/// Joints squared times moments at most. Of more, clips are looked at in fewer moments each; where two are too many, all joints
+/// count as moving. Avatars have a hundredth of it.
 const MOST_LOOKS: usize = 1 << 29;
 /// Over which speed is measured, seconds: from key to key of the file.
 const INSTANT: f32 = 1.0 / 30.0;
@@ -20,16 +21,18 @@ const INSTANT: f32 = 1.0 / 30.0;
 /// Measures all joints, morph targets and clips of a model.
 pub fn measure(model: &Model) -> MeasuredMovements {
     let areas = vertex_areas(model);
-    let all: Vec<(usize, f32)> = (0..model.clips.len())
-        .flat_map(|clip| moments(model.clips[clip].seconds).map(move |seconds| (clip, seconds)))
+    let most = most_moments(model.joints.len(), model.clips.len());
+    let poses: Vec<Pose> = (0..model.clips.len())
+        .flat_map(|clip| {
+            moments(model.clips[clip].seconds, most.unwrap_or(0)).map(move |s| (clip, s))
+        })
+        .map(|(clip, seconds)| Pose::of_clip(model, clip, seconds))
         .collect();
-    let most = (MOST_LOOKS / model.joints.len().max(1).pow(2)).max(1);
-    let step = all.len().div_ceil(most).max(1);
-    let looked_at = all.iter().step_by(step);
-    let poses: Vec<Pose> =
-        looked_at.map(|&(clip, seconds)| Pose::of_clip(model, clip, seconds)).collect();
     let rest = Pose::rest(model);
     let greatest = |joint: usize| {
+        if most.is_none() {
+            return MOST;
+        }
         let below = Below::new(model, joint);
         poses.iter().map(|pose| below.error(model, pose, &rest, &areas)).fold(0.0, f32::max)
     };
@@ -102,10 +105,18 @@ fn set_joint(joints: &mut [f32], model: &Model, joint: usize, metres: f32) {
     }
 }
 
-/// Moments of a clip of this length, both ends among them.
-fn moments(seconds: f32) -> impl Iterator<Item = f32> {
-    let steps = ((seconds * MOMENTS_PER_SECOND).ceil() as usize).clamp(1, MOST_MOMENTS - 1);
-    (0..=steps).map(move |step| seconds * step as f32 / steps as f32)
+/// Moments in which each clip is looked at, at most; `None` where two are too many.
+fn most_moments(joints: usize, clips: usize) -> Option<usize> {
+    let looks = joints.saturating_mul(joints).saturating_mul(clips).max(1);
+    let most = MOST_LOOKS / looks;
+    (most >= 2).then(|| most.min(MOST_MOMENTS))
+}
+
+/// Moments of a clip of this length, both ends among them; none if none are wanted.
+fn moments(seconds: f32, most: usize) -> impl Iterator<Item = f32> {
+    let wanted = (seconds * MOMENTS_PER_SECOND).ceil() as usize;
+    let steps = wanted.clamp(1, most.saturating_sub(1).max(1));
+    (0..if most == 0 { 0 } else { steps + 1 }).map(move |step| seconds * step as f32 / steps as f32)
 }
 
 /// A third of the triangles around each vertex at rest, square metres.
@@ -243,6 +254,17 @@ mod tests {
         assert!(of("upper_arm_right") > of("hand_right"), "{movements:?}");
         assert!(of("hand_right") > 0.01 && of("hand_left") == 0.0, "{movements:?}");
         assert!(movements.clips.iter().all(|&speed| speed > 0.05 && speed < 10.0));
+    }
+
+    #[test]
+    fn many_joints_and_clips_are_looked_at_less_or_count_as_moving() {
+        assert_eq!(most_moments(300, 50), Some(MOST_MOMENTS));
+        assert_eq!(most_moments(0, 0), Some(MOST_MOMENTS));
+        assert_eq!(most_moments(8_000, 1), Some(8));
+        assert_eq!((most_moments(60_000, 1), most_moments(1_000, 60_000)), (None, None));
+        let ends = |most| moments(4.0, most).collect::<Vec<_>>();
+        assert_eq!((ends(0), ends(2), ends(3)), (vec![], vec![0.0, 4.0], vec![0.0, 2.0, 4.0]));
+        assert_eq!(ends(MOST_MOMENTS).len(), 41);
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub struct Budget {
     pub gaussians: u32,
     /// Gaussians blended into pixels, as the curves predict it: of a human, trained, within 10 % from 8 to 1 m from in front,
     /// up to 18 % too many from other sides; of a head that hides most of itself up to 16 % too few; with the camera at an arm's
-    /// length or in a mesh's back half or twice as many. Of files without the
+    /// length or inside the mesh between half and twice as many. Of files without the
     /// section `SAMP` up to three times too few or 1.4 times too many. Of one camera: for two eyes half of what both may take.
     /// Infinite: as many as there are.
     pub blends: f32,

@@ -19,7 +19,7 @@
 //! DERMIS_BLESS=1 cargo test -p dermis-conformance --test same_bytes
 //! ```
 //!
-//! and on the targets that this machine can emulate with `.ci/targets`. A device under test never renews it. There, this is all:
+//! and on the targets that this machine can emulate with `.ci/targets`. A device under test never renews the table. There, this is all:
 //!
 //! ```
 //! use dermis_conformance::*;

@@ -74,7 +74,7 @@ pub(crate) struct Arguments {
     stereo: bool,
     /// Draw one frame for each kernel, size and budget, and measure nothing: for programs that count
     /// instructions.
-    #[arg(long, conflicts_with_all = ["runs", "approximations", "svg", "stereo", "approach", "training", "unpacking", "json"])]
+    #[arg(long, conflicts_with_all = ["runs", "approximations", "svg", "stereo", "approach", "training", "unpacking"])]
     once: bool,
 }
 
@@ -156,7 +156,11 @@ struct UnpackingReport {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let read: Vec<&Path> = arguments.file.as_deref().into_iter().collect();
+    if arguments.once && common.json {
+        super::misuse("--once: measures nothing that --json could print; leave one out");
+    }
+    let read: Vec<&Path> =
+        arguments.file.iter().chain(&arguments.camera).map(PathBuf::as_path).collect();
     let svg =
         arguments.svg.as_deref().map(|path| output::Output::create(path, &read)).transpose()?;
     let (name, bytes, source) = match (&arguments.scene, &arguments.file) {

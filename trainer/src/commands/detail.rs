@@ -1,6 +1,6 @@
 //! Where training puts more Gaussians.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use dermis_trainer::embed::choice::{Choice, Mask};
@@ -32,6 +32,11 @@ pub(crate) struct DetailArguments {
 }
 
 impl DetailArguments {
+    /// Files that are read for it.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &Path> {
+        self.detail_mask.iter().chain(&self.detail_camera).map(PathBuf::as_path)
+    }
+
     /// What they ask for; masks are read.
     pub(crate) fn detail(&self, method: Method) -> Result<Detail> {
         let (masks, cameras) = (&self.detail_mask, &self.detail_camera);

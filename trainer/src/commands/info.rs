@@ -3,8 +3,9 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use dermis_format::packed;
+use dermis_runtime::Avatar;
 use dermis_trainer::describe::Info;
 use dermis_trainer::output;
 use serde::Serialize;
@@ -28,9 +29,13 @@ struct Report {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let bytes = output::read(&arguments.file)?;
+    let name = || arguments.file.display().to_string();
+    let mut bytes = output::read(&arguments.file)?;
     let packed_bytes = packed::is_packed(&bytes).then_some(bytes.len());
-    let info = super::with_avatar(&arguments.file, |avatar| Ok(Info::of(avatar)))?;
+    if packed_bytes.is_some() {
+        bytes = packed::unpack(&bytes).with_context(name)?;
+    }
+    let info = Info::of(&Avatar::parse(&bytes).with_context(name)?);
     super::print(common, &Report { packed_bytes, info }, |report| {
         let packed =
             report.packed_bytes.map_or(String::new(), |n| format!("packed in {n} bytes: "));

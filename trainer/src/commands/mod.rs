@@ -47,12 +47,8 @@ fn with_avatar<T>(path: &Path, act: impl FnOnce(&Avatar<'_>) -> Result<T>) -> Re
 pub(crate) fn misuse(message: &str) -> ! {
     let mut program = crate::Cli::command();
     program.build();
-    let named = std::env::args().find(|word| program.find_subcommand(word).is_some());
-    let command = match named {
-        Some(name) => program.find_subcommand_mut(name).cloned().unwrap_or(program),
-        None => program,
-    };
-    command.clone().error(clap::error::ErrorKind::ArgumentConflict, message).exit()
+    let named = std::env::args_os().skip(1).find_map(|word| program.find_subcommand(word).cloned());
+    named.unwrap_or(program).error(clap::error::ErrorKind::ArgumentConflict, message).exit()
 }
 
 /// A number that is neither infinite nor NaN.

@@ -1,6 +1,6 @@
 //! Which parts of a mesh training tells apart.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::Result;
@@ -39,6 +39,14 @@ enum Chosen {
 struct Weight(f32);
 
 impl RegionArguments {
+    /// Files that are read for them.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &Path> {
+        self.region.iter().flat_map(|named| match &named.value {
+            Chosen::Mask { picture, camera } => vec![picture.as_path(), camera.as_path()],
+            Chosen::Joints(_) | Chosen::Materials(_) => Vec::new(),
+        })
+    }
+
     /// What they ask for; masks are read.
     pub(crate) fn regions(&self) -> Result<Vec<Region>> {
         for (index, Named { region, .. }) in self.region_weight.iter().enumerate() {

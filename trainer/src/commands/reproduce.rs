@@ -1,6 +1,6 @@
 //! `dermis reproduce`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use dermis_trainer::bench::clock::Clock;
@@ -122,13 +122,18 @@ fn refuse_foreign(arguments: &Arguments) {
         ("--max-loss-db", arguments.max_loss_db.is_some(), trained),
     ];
     if let Some((name, ..)) = options.iter().find(|(_, given, taken)| *given && !taken) {
-        super::misuse(&format!("{name}: these tables have no use for it; leave it out"));
+        let why = if trained { "are not made with it" } else { "of a file train nothing" };
+        super::misuse(&format!("{name}: these tables {why}; leave it out"));
     }
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     refuse_foreign(arguments);
-    let Some(mesh) = &arguments.mesh else { return of_splats(arguments, common) };
+    let mesh = match (&arguments.mesh, &arguments.splat) {
+        (Some(mesh), _) => mesh,
+        (None, Some(splat)) => return of_splats(splat, arguments, common),
+        (None, None) => super::misuse("give a mesh, or formats a --splat"),
+    };
     let model = import::load(mesh)?;
     let preset = Options::preset(arguments.preset);
     let options = Options {
@@ -178,8 +183,7 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
 }
 
 /// Formats of Gaussians that are trained.
-fn of_splats(arguments: &Arguments, common: &Common) -> Result<()> {
-    let splat = arguments.splat.as_ref().context("give a mesh, or --splat")?;
+fn of_splats(splat: &Path, arguments: &Arguments, common: &Common) -> Result<()> {
     let options = Options::preset(arguments.preset);
     let size = arguments.size.unwrap_or(options.size);
     print_formats(common, formats::of_splats(splat, arguments.views, size, options.background)?)

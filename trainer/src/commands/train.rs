@@ -1,5 +1,6 @@
 //! `dermis train`.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -106,14 +107,12 @@ struct Report {
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let start = Instant::now();
+    let seen = arguments.detail.files().chain(arguments.regions.files());
+    let read: Vec<&Path> = seen.chain([arguments.mesh.as_path()]).collect();
+    let output = output::Output::create(&arguments.output, &read)?;
     let options = options(arguments, common)?;
-    let output = output::Output::create(&arguments.output, &[&arguments.mesh])?;
-    if let Some(folder) = &arguments.checkpoint {
-        let parent = arguments.output.parent().unwrap_or(Path::new(""));
-        let [parent, folder] = [parent, folder].map(std::path::absolute);
-        if parent.is_ok_and(|parent| folder.is_ok_and(|folder| parent == folder)) {
-            super::misuse("--output: lies in the folder of --checkpoint; choose another one");
-        }
+    if arguments.checkpoint.as_ref().is_some_and(|folder| lies_in(&arguments.output, folder)) {
+        super::misuse("--output: lies in the folder of --checkpoint; choose another one");
     }
     let model = import::load(&arguments.mesh)?;
     check_count(&model, &options).with_context(|| arguments.mesh.display().to_string())?;
@@ -128,6 +127,13 @@ pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
     let Trained { steps, culling, mesh_trials, .. } = trained;
     let report = Report { seconds, steps, culling, mesh_trials, info };
     super::print(common, &report, text)
+}
+
+/// Whether a file, which need not be there, is one of a folder's.
+fn lies_in(file: &Path, folder: &Path) -> bool {
+    let parent = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let [parent, folder] = [parent.unwrap_or(Path::new(".")), folder].map(fs::canonicalize);
+    parent.is_ok_and(|parent| folder.is_ok_and(|folder| parent == folder))
 }
 
 fn text(report: &Report) -> String {

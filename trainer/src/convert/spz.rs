@@ -110,7 +110,8 @@ fn read_zstd(mut file: impl BufRead, len: u64) -> Result<(Header, Vec<Vec<u8>>)>
     Ok((header, planes))
 }
 
-/// Greatest window of a zstd stream, bytes: what decoders are asked to support, and all that ours keeps in memory.
+/// Greatest window of a zstd stream, bytes: zstd's own default limit. The decoder checks no stream's, and none of its blocks
+/// against the 128 KB that one may unfold to: there a stream made for it still takes memory.
 const WINDOW_LIMIT: u64 = 1 << 27;
 
 /// The window that a zstd frame asks for (RFC 8878, 3.1.1.1); `None` where the header ends early.

@@ -165,7 +165,7 @@ pub fn evaluate(avatar: &Avatar<'_>, model: &Model, options: &EvalOptions) -> Re
         let sums = measure(avatar, &painter, frames, split, &measured, options)?;
         ensure!(
             sums.iter().all(|sum| sum.covered > 0),
-            "no picture shows the mesh; choose a smaller distance, or greater pictures"
+            "none of the pictures shows the mesh; measure more views, nearer or larger"
         );
         rows.extend(measured.iter().zip(sums).map(|(one, sum)| one.row(split, &sum)));
     }

@@ -9,7 +9,7 @@
 //!    with; `nodes` holds the node tree; `skin` folds all skins, rigid parts and static parts
 //!    into one list of joints and binds; `animation` reads clips.
 //! 3. `obj` reads Wavefront OBJ with its MTL library.
-//! 4. [`load`] checks what all importers promise: at least one triangle, none of it degenerate
+//! 4. [`load`] leaves out vertices on which no triangle stands, and checks what all importers promise: at least one triangle, none of it degenerate
 //!    all over, nothing that is not finite.
 //!
 //! Files are hostile until proven otherwise: every index and range is checked where it is used,
@@ -62,8 +62,8 @@ fn read(path: &Path) -> Result<Model> {
         bail!("is of no kind that Dermis reads; use GLB, glTF or OBJ");
     };
     model.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    check(&model)?;
     keep_used_vertices(&mut model);
+    check(&model)?;
     Ok(model)
 }
 
