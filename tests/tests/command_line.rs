@@ -159,6 +159,8 @@ fn options_that_would_do_nothing_are_refused() {
         let name = option.split(' ').next().unwrap_or(option);
         misuses(&folder, &format!("reproduce {paper} mesh.glb {option}"), name);
     }
+    let absent = "reproduce lodavatar mesh.glb --detail-joints absent --preset best";
+    fails(&folder, absent, &["mesh.glb: ", "has no joints"]);
     misuses(&folder, "reproduce formats --splat a.ply --steps 5", "--steps");
     misuses(&folder, "eval a.dermis --mesh mesh.glb --prefix 5 --budgets 3", "--budgets");
     misuses(&folder, "bench a.dermis --once --stereo", "--stereo");

@@ -45,6 +45,8 @@ pub fn tables(
     greatest: u32,
     mut done: impl FnMut(&Entry),
 ) -> Result<Vec<Entry>> {
+    // A name that nothing has is known before a row is trained.
+    detail.select(model)?;
     let mut entries = Vec::new();
     for (name, level, detail_levels) in AVATARS {
         // Without anything to detail they would be the uniform levels by another name.
