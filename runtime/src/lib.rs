@@ -24,7 +24,8 @@
 //!
 //! Beside that memory a frame takes stack: while it projects up to 8 KB for shares, 7 KB for a batch
 //! of 64 Gaussians and 4 KB to walk a file with parameters per level, while it sorts 8 KB for counts;
-//! [`Posed::footprints`] takes 13 KB. An [`Unpacker`] is a value of 72 KB: keep it in a static, or do without packed files.
+//! [`Posed::footprints`] takes 13 KB. An [`Unpacker`] is a value of 72 KB: where the stack is
+//! less, take files that are not packed.
 //!
 //! Feature `std`, on by default, has [`Kernel::detect`] look what vectors the CPU has; without it [`Kernel::baseline`] says what
 //! the target surely has. Several avatars in one picture are drawn one over the other with

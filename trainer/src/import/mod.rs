@@ -9,8 +9,8 @@
 //!    with; `nodes` holds the node tree; `skin` folds all skins, rigid parts and static parts
 //!    into one list of joints and binds; `animation` reads clips.
 //! 3. `obj` reads Wavefront OBJ with its MTL library.
-//! 4. [`load`] leaves out vertices on which no triangle stands, and checks what all importers promise: at least one triangle, none of it degenerate
-//!    all over, nothing that is not finite.
+//! 4. [`load`] leaves out vertices on which no triangle stands, and checks what all importers promise:
+//!    at least one triangle, not all of them degenerate, nothing that is not finite.
 //!
 //! Files are hostile until proven otherwise: every index and range is checked where it is used,
 //! and what a file claims costs memory only in proportion to the bytes it really has (or up to
