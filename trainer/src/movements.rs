@@ -21,22 +21,11 @@ const INSTANT: f32 = 1.0 / 30.0;
 /// Measures all joints, morph targets and clips of a model.
 pub fn measure(model: &Model) -> MeasuredMovements {
     let areas = vertex_areas(model);
-    let most = most_moments(model.joints.len(), model.clips.len());
-    let poses: Vec<Pose> = (0..model.clips.len())
-        .flat_map(|clip| {
-            moments(model.clips[clip].seconds, most.unwrap_or(0)).map(move |s| (clip, s))
-        })
-        .map(|(clip, seconds)| Pose::of_clip(model, clip, seconds))
-        .collect();
     let rest = Pose::rest(model);
-    let greatest = |joint: usize| {
-        if most.is_none() {
-            return MOST;
-        }
-        let below = Below::new(model, joint);
-        poses.iter().map(|pose| below.error(model, pose, &rest, &areas)).fold(0.0, f32::max)
+    let mut joints = match most_moments(model.joints.len(), model.clips.len()) {
+        Some(most) => of_joints(model, most, &rest, &areas),
+        None => vec![MOST; model.joints.len()],
     };
-    let mut joints: Vec<f32> = (0..model.joints.len()).into_par_iter().map(greatest).collect();
     // What is above moves at least as far: what stays still is a tree's leaves.
     for index in (0..joints.len()).rev() {
         if let Some(parent) = model.joints[index].parent.map(usize::from) {
@@ -48,6 +37,19 @@ pub fn measure(model: &Model) -> MeasuredMovements {
     let targets = targets.map(|target| length(model, target, &at_rest, &areas)).collect();
     let clips = (0..model.clips.len()).map(|clip| speed(model, clip, &areas)).collect();
     MeasuredMovements { joints, targets, clips }
+}
+
+/// How far each joint with all below it moves the surface in `most` moments of each clip.
+fn of_joints(model: &Model, most: usize, rest: &Pose, areas: &[f64]) -> Vec<f32> {
+    let poses: Vec<Pose> = (0..model.clips.len())
+        .flat_map(|clip| moments(model.clips[clip].seconds, most).map(move |s| (clip, s)))
+        .map(|(clip, seconds)| Pose::of_clip(model, clip, seconds))
+        .collect();
+    let greatest = |joint: usize| {
+        let below = Below::new(model, joint);
+        poses.iter().map(|pose| below.error(model, pose, rest, areas)).fold(0.0, f32::max)
+    };
+    (0..model.joints.len()).into_par_iter().map(greatest).collect()
 }
 
 /// A movement that the author knows better.
@@ -112,11 +114,10 @@ fn most_moments(joints: usize, clips: usize) -> Option<usize> {
     (most >= 2).then(|| most.min(MOST_MOMENTS))
 }
 
-/// Moments of a clip of this length, both ends among them; none if none are wanted.
+/// Moments of a clip of this length, both ends among them: two to `most`.
 fn moments(seconds: f32, most: usize) -> impl Iterator<Item = f32> {
-    let wanted = (seconds * MOMENTS_PER_SECOND).ceil() as usize;
-    let steps = wanted.clamp(1, most.saturating_sub(1).max(1));
-    (0..if most == 0 { 0 } else { steps + 1 }).map(move |step| seconds * step as f32 / steps as f32)
+    let steps = ((seconds * MOMENTS_PER_SECOND).ceil() as usize).clamp(1, most.max(2) - 1);
+    (0..=steps).map(move |step| seconds * step as f32 / steps as f32)
 }
 
 /// A third of the triangles around each vertex at rest, square metres.
@@ -263,7 +264,7 @@ mod tests {
         assert_eq!(most_moments(8_000, 1), Some(8));
         assert_eq!((most_moments(60_000, 1), most_moments(1_000, 60_000)), (None, None));
         let ends = |most| moments(4.0, most).collect::<Vec<_>>();
-        assert_eq!((ends(0), ends(2), ends(3)), (vec![], vec![0.0, 4.0], vec![0.0, 2.0, 4.0]));
+        assert_eq!((ends(2), ends(3)), (vec![0.0, 4.0], vec![0.0, 2.0, 4.0]));
         assert_eq!(ends(MOST_MOMENTS).len(), 41);
     }
 

@@ -29,13 +29,11 @@ struct Report {
 }
 
 pub(crate) fn run(arguments: &Arguments, common: &Common) -> Result<()> {
-    let name = || arguments.file.display().to_string();
-    let mut bytes = output::read(&arguments.file)?;
-    let packed_bytes = packed::is_packed(&bytes).then_some(bytes.len());
-    if packed_bytes.is_some() {
-        bytes = packed::unpack(&bytes).with_context(name)?;
-    }
-    let info = Info::of(&Avatar::parse(&bytes).with_context(name)?);
+    let file = output::read(&arguments.file)?;
+    let packed_bytes = packed::is_packed(&file).then_some(file.len());
+    let bytes = super::unpacked(&arguments.file, file)?;
+    let avatar = Avatar::parse(&bytes).with_context(|| arguments.file.display().to_string())?;
+    let info = Info::of(&avatar);
     super::print(common, &Report { packed_bytes, info }, |report| {
         let packed =
             report.packed_bytes.map_or(String::new(), |n| format!("packed in {n} bytes: "));

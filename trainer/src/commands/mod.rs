@@ -28,7 +28,11 @@ use crate::Common;
 
 /// The bytes of an avatar, unpacked if they are packed.
 fn avatar_bytes(path: &Path) -> Result<Vec<u8>> {
-    let bytes = dermis_trainer::output::read(path)?;
+    unpacked(path, dermis_trainer::output::read(path)?)
+}
+
+/// The avatar in a file that may be packed.
+fn unpacked(path: &Path, bytes: Vec<u8>) -> Result<Vec<u8>> {
     if packed::is_packed(&bytes) {
         packed::unpack(&bytes).with_context(|| path.display().to_string())
     } else {
