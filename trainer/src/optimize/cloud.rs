@@ -1,9 +1,11 @@
 //! The Gaussians in training: parameters in the order of the file.
 
-use dermis_format::Disc;
+use dermis_format::{Disc, order};
 use dermis_runtime::mix::{between, mixed};
 use dermis_runtime::plan::{arrival_log2_scale, lower_share, prefix_log2_scale};
 use serde::{Deserialize, Serialize};
+
+use super::turns::turns;
 
 /// Numbers that describe one disc.
 pub const PARAMETERS: usize = 10;
@@ -157,26 +159,42 @@ impl Cloud {
         self.triangles.is_empty()
     }
 
-    /// Puts Gaussians that stand coarse to fine into the order of the file: layer by layer, block by
-    /// block, in a block by triangle. Inside a block the format's rule takes the place of the rank
-    /// they came with. A cloud that is arranged again keeps its order.
+    /// Puts Gaussians that stand coarse to fine into the order of the file: layer by layer, in each by triangle, dealt to
+    /// blocks by [`turns`]. Inside a layer the format's rule takes the place of the rank they came with.
     pub fn arrange(layers: Vec<u32>, coarse_to_fine: &[Seed]) -> Self {
-        let mut cloud = Self { layers: layers.clone(), ..Self::default() };
-        let mut parameters = Vec::with_capacity(coarse_to_fine.len());
-        for (_, first, count) in dermis_format::order::blocks(&layers) {
-            let mut block: Vec<u32> = (first..first + count).collect();
-            block.sort_by_key(|&origin| coarse_to_fine[origin as usize].triangle);
-            for (place, origin) in block.into_iter().enumerate() {
-                let seed = &coarse_to_fine[origin as usize];
-                cloud.triangles.push(seed.triangle);
-                cloud.freedoms.push(seed.freedom);
-                parameters.push(seed.parameters);
-                cloud.ranks.push(first + dermis_format::order::rank(place as u32, count));
-                cloud.origins.push(origin);
+        let mut origins = vec![0; coarse_to_fine.len()];
+        let triangle = |origin: u32| coarse_to_fine[origin as usize].triangle;
+        let mut places = turns(&layers);
+        let (mut rest, mut first) = (&mut places[..], 0);
+        for &layer in &layers {
+            let mut by_triangle: Vec<u32> = (first..first + layer).collect();
+            by_triangle.sort_by_key(|&origin| triangle(origin));
+            for run in by_triangle.chunk_by(|&a, &b| triangle(a) == triangle(b)) {
+                // Which of a triangle's Gaussians takes which turn is free: coarser ones come first.
+                let (places, later) = rest.split_at_mut(run.len());
+                places.sort_unstable();
+                places
+                    .iter()
+                    .zip(run)
+                    .for_each(|(&place, &origin)| origins[place as usize] = origin);
+                rest = later;
             }
+            first += layer;
         }
-        cloud.levels.push(parameters);
-        cloud
+        let seeds = || origins.iter().map(|&origin| &coarse_to_fine[origin as usize]);
+        let ranks = order::blocks(&layers).flat_map(|(_, first, count)| {
+            (0..count).map(move |place| first + order::rank(place, count))
+        });
+        Self {
+            coarser_layers: 0,
+            triangles: seeds().map(|seed| seed.triangle).collect(),
+            freedoms: seeds().map(|seed| seed.freedom).collect(),
+            ranks: ranks.collect(),
+            levels: vec![seeds().map(|seed| seed.parameters).collect()],
+            last_is_shape: false,
+            origins,
+            layers,
+        }
     }
 
     /// Gives every level parameters of its own, `wider` added to log₂ of their scales: of how many Gaussians the

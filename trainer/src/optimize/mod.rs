@@ -31,3 +31,4 @@ pub mod projection;
 pub mod residual;
 pub mod rounding;
 pub mod schedule;
+pub mod turns;
