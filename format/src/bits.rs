@@ -57,10 +57,55 @@ pub(crate) fn flip(bytes: &mut [u8], at: usize, number: u32) {
     flip_bytes(bytes, at / 8, (number << (at % 8)).to_le_bytes());
 }
 
-/// The same for a number of at most 121 bits.
-#[inline]
-pub(crate) fn flip_wide(bytes: &mut [u8], at: usize, number: u128) {
-    flip_bytes(bytes, at / 8, (number << (at % 8)).to_le_bytes());
+/// Writes numbers one after the other from the start of a byte on, and nothing beyond the end.
+#[derive(Debug)]
+pub(crate) struct Appender<'a> {
+    rest: &'a mut [u8],
+    /// What is not written yet: fewer than 64 bits.
+    pending: u128,
+    len: u32,
+}
+
+impl<'a> Appender<'a> {
+    /// To the first bit on.
+    pub(crate) fn new(bytes: &'a mut [u8]) -> Self {
+        Self { rest: bytes, pending: 0, len: 0 }
+    }
+
+    /// Appends a number of at most `width` bits, 64 at most.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, number: u64, width: u32) {
+        self.pending |= u128::from(number) << (self.len & 63);
+        self.len += width;
+        if self.len >= u64::BITS {
+            self.write();
+        }
+    }
+
+    /// Writes 64 bits, or what is there of them.
+    #[inline(always)]
+    fn write(&mut self) {
+        let bytes = (self.pending as u64).to_le_bytes();
+        let rest = core::mem::take(&mut self.rest);
+        let room = rest.len().min(bytes.len());
+        let (first, others) = rest.split_at_mut(room);
+        match first.first_chunk_mut() {
+            // Of a length that is known: one operation.
+            Some(first) => *first = bytes,
+            None => first.iter_mut().zip(bytes).for_each(|(to, from)| *to = from),
+        }
+        self.rest = others;
+        self.pending >>= u64::BITS;
+        self.len = self.len.saturating_sub(u64::BITS);
+    }
+
+    /// Writes what is left; zeros follow up to the end of a byte.
+    pub(crate) fn finish(mut self) {
+        let left = self.len.div_ceil(8) as usize;
+        let rest = core::mem::take(&mut self.rest);
+        self.rest = rest.get_mut(..left).unwrap_or_default();
+        self.write();
+    }
 }
 
 #[inline(always)]

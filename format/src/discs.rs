@@ -3,7 +3,7 @@
 //! Records stand in a row without gaps. The numbers of a disc fill three words of at most 32 bits, which a reader takes out
 //! at once: [x y z angle] [s t Y Co] [Cg opacity], the first one in the lowest bits.
 
-use crate::bits::{bits, bytes_for, mask, window};
+use crate::bits::{Appender, bits, bytes_for, mask, window};
 use crate::order::GROUP_LEN;
 use crate::quant::{Disc, Linear, Number, last_code};
 use crate::record::{DiscGroup, DiscWidths, ShortRange, take_plane};
@@ -72,15 +72,15 @@ impl DiscLayout {
         self.codes(|_, shift, _| shift).numbers()
     }
 
-    /// The record of codes, each as narrow as its number, by [`Self::shifts`].
+    /// Appends the record of codes, each as narrow as its number, by [`Self::shifts`].
     #[inline(always)]
-    pub(crate) fn record(&self, shifts: &[u32; 10], codes: [u32; 10]) -> u128 {
+    pub(crate) fn append(&self, to: &mut Appender<'_>, shifts: &[u32; 10], codes: [u32; 10]) {
         let at = |i: usize| codes[i] << (shifts[i] & 31);
-        let [first, second, _] = self.words;
+        let [first, second, third] = self.words;
         let front = u64::from(at(0) | at(1) | at(2) | at(3));
         let middle = u64::from(at(4) | at(5) | at(6) | at(7));
-        let rest = u128::from(at(8) | at(9)) << (first + second);
-        u128::from(front | middle << first) | rest
+        to.push(front | middle << (first & 63), first + second);
+        to.push((at(8) | at(9)).into(), third);
     }
 
     /// Every number of a record: `field(word, shift, mask)` takes one out of a word.

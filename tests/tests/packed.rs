@@ -4,9 +4,9 @@ use std::fs;
 use std::sync::OnceLock;
 
 use dermis_format::packed::{Unpacker, is_packed, pack, unpack, unpack_prefix, unpacked_len};
-use dermis_format::source::{Joint, Mesh, Region, Rig, Source};
+use dermis_format::source::{Gaussians, Joint, Mesh, Morph, Region, Rig, Source};
 use dermis_format::writer::encode;
-use dermis_format::{Avatar, Error, PerLevel};
+use dermis_format::{Avatar, Disc, Error, PerLevel};
 use dermis_tests::command::run;
 use dermis_tests::files;
 use dermis_tests::small::{options, trained_demo};
@@ -39,6 +39,8 @@ fn made() -> Vec<(String, Vec<u8>)> {
     }
     let narrow = Options { max_loss_db: 0.5, ..options(5000, 30) };
     files.push(("few bits".into(), trained_demo(&narrow).1.bytes));
+    let many = Options { max_loss_db: 0.5, ..options(24_000, 4) };
+    files.push(("blocks that take turns".into(), trained_demo(&many).1.bytes));
     files
 }
 
@@ -61,7 +63,8 @@ fn every_file_returns_and_its_prefixes_are_the_files() {
         let sections = Avatar::parse(&bytes).expect("a valid file").sections().count();
         let lens = (packed.len(), bytes.len());
         assert!(lens.0 <= lens.1 + 18 + 4 * sections, "{name}: {lens:?}");
-        let is_trained = ["figure.dermis", "leveled.dermis", "few bits"].contains(&&*name);
+        let is_trained = ["figure.dermis", "leveled.dermis", "few bits", "blocks that take turns"]
+            .contains(&&*name);
         assert!(lens.0 < lens.1 * 4 / 5 || !is_trained, "{name}: {lens:?}");
         assert!(unpack(&packed).as_deref() == Ok(&bytes[..]), "{name}");
 
@@ -106,10 +109,61 @@ fn other_versions_are_refused_with_a_remedy() {
     }
 }
 
-/// A mesh of so many vertices, each in a triangle, with skin.
-fn meshed(vertices: u32) -> Vec<u8> {
-    let triangles = (0..vertices - 2).step_by(2).map(|i| [i, i + 1, i + 2]);
+/// Discs in three blocks: a disc's size and colour are those of its triangle, which `turn` gives it, and noise.
+fn in_three_blocks(turn: impl Fn(u32) -> u32) -> Vec<u8> {
+    let (count, triangles) = (12_000u32, 3_000u32);
+    let noise = |i: u32| (i.wrapping_mul(0x9e37_79b1) >> 16) as f32 / 65_536.0;
+    let mut turns: Vec<u32> = (0..count).collect();
+    // Ascending in each block.
+    turns.sort_by_key(|&i| (turn(i), i));
+    let disc = |i: u32| Disc {
+        position: [noise(i), noise(7 * i), 0.0],
+        angle: noise(3 * i),
+        log2_scale: [0.1 * noise(5 * i) - (i as f32 * 0.01).sin(), -2.0],
+        color: [0.1 * noise(11 * i) + 0.5 + 0.4 * (i as f32 * 0.02).cos(), 0.5, 0.3],
+        opacity: 1.0,
+    };
     let source = Source {
+        mesh: Mesh {
+            positions: (0..triangles + 2).map(|i| [(i % 2) as f32, i as f32, 0.0]).collect(),
+            triangles: (0..triangles).map(|i| [i, i + 1, i + 2]).collect(),
+            ..Mesh::default()
+        },
+        regions: vec![Region {
+            layers: vec![count],
+            gaussians: Gaussians::Disc(turns.iter().map(|&i| disc(i)).collect()),
+            triangles: turns.iter().map(|&i| i * triangles / count).collect(),
+            ..Region::default()
+        }],
+        bounds: [[0.0; 3], [1.0, triangles as f32, 1.0]],
+        ..Source::default()
+    };
+    encode(&source).expect("it can be written")
+}
+
+/// Each disc between two of other blocks: its triangle is mostly theirs, and its size and colour almost.
+#[test]
+fn blocks_that_take_turns_take_fewer_bytes() {
+    let by_chance = |i: u32| i.wrapping_mul(0x85eb_ca6b) >> 3;
+    let mut chance: Vec<u32> = (0..12_000).collect();
+    chance.sort_by_key(|&i| by_chance(i));
+    let mut blocks = vec![0; 12_000];
+    (0..).zip(&chance).for_each(|(place, &i): (u32, _)| blocks[i as usize] = place / 4_000);
+    let dealt = in_three_blocks(|i| [0, 2, 1][i as usize % 3]);
+    let drawn = in_three_blocks(|i| blocks[i as usize]);
+    assert_eq!(Avatar::parse(&dealt).expect("valid").blocks().count(), 3);
+    let [dealt, drawn] = [dealt, drawn].map(|bytes| {
+        let packed = pack(&bytes).expect("a valid file can be packed");
+        assert!(unpack(&packed).as_deref() == Ok(&bytes[..]));
+        packed.len()
+    });
+    assert!(dealt + 12_000 / 4 < drawn, "{dealt} and {drawn} bytes");
+}
+
+/// A mesh of so many vertices, each in a triangle, with skin.
+fn meshed(vertices: u32) -> Source {
+    let triangles = (0..vertices - 2).step_by(2).map(|i| [i, i + 1, i + 2]);
+    Source {
         mesh: Mesh {
             positions: (0..vertices).map(|i| [(i % 7) as f32, (i % 5) as f32, i as f32]).collect(),
             influences: vec![[(0, 0.75), (1, 0.25), (0, 0.0), (0, 0.0)]; vertices as usize],
@@ -124,8 +178,7 @@ fn meshed(vertices: u32) -> Vec<u8> {
         regions: vec![Region { layers: vec![0], ..Region::default() }],
         bounds: [[0.0; 3], [7.0, 5.0, vertices as f32]],
         ..Source::default()
-    };
-    encode(&source).expect("it can be written")
+    }
 }
 
 const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
@@ -134,7 +187,7 @@ const IDENTITY: [[f32; 4]; 3] = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.
 #[test]
 fn meshes_of_any_size_return() {
     for vertices in [3, 5_000, 65_279, 65_280, 65_536, 65_537] {
-        let bytes = meshed(vertices);
+        let bytes = encode(&meshed(vertices)).expect("it can be written");
         let packed = pack(&bytes).expect("a valid file can be packed");
         assert_eq!(unpack(&packed).as_deref(), Ok(&bytes[..]), "{vertices} vertices");
         if vertices == 5_000 {
@@ -194,6 +247,29 @@ fn claims_cost_no_memory() {
     let mut short = vec![0; bytes.len() - 1];
     let packed = pack(&bytes).expect("a valid file can be packed");
     assert!(matches!(Unpacker::new(&packed, &mut short), Err(Error::Room { .. })));
+}
+
+/// A reader looks through what is before a section: without end, by so many, it would look for hours.
+#[test]
+fn sections_without_end_are_refused() {
+    let (_, bytes) = files().swap_remove(0);
+    let packed = pack(&bytes).expect("a valid file can be packed");
+    let mut many = packed[..18 + bytes_before_sections(&packed[18..])].to_vec();
+    let crc = crc32fast::hash(b"NONE\0\0\0\0").to_le_bytes();
+    let none = [&b"NONE"[..], &[0; 8], &crc].concat();
+    (0..20_000).for_each(|_| many.extend(&none));
+    let len = many.len() as u32;
+    many[10..14].copy_from_slice(&len.to_le_bytes());
+    let crc = crc32fast::hash(&many[..14]);
+    many[14..18].copy_from_slice(&crc.to_le_bytes());
+    let error = unpack(&many).expect_err("it has too many sections").to_string();
+    assert!(error.contains("16,384 sections"), "{error}");
+
+    let mut source = meshed(3);
+    source.mesh.morph_targets = vec![Morph::default(); 16_384];
+    let bytes = encode(&source).expect("it can be written");
+    let error = pack(&bytes).expect_err("it has too many sections").to_string();
+    assert!(error.contains("16,384 sections"), "{error}");
 }
 
 fn bytes_before_sections(file: &[u8]) -> usize {

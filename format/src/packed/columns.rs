@@ -4,9 +4,10 @@
 //! before, so that the same walk leads the packer, which has all of it, and the unpacker, which has what it wrote so
 //! far.
 
+use super::between::{Between, Neighbours, Sides};
 use super::earlier::Earlier;
 use crate::bits::bytes_for;
-use crate::discs::{DiscLayout, Discs};
+use crate::discs::DiscLayout;
 use crate::error::{Error, malformed};
 use crate::header::{FrameKind, Header, PerLevel, RecordKind};
 use crate::order::{BLOCK_LEN, GROUP_LEN};
@@ -29,10 +30,21 @@ pub(super) struct Column<'a> {
     pub(super) width: u32,
     /// How far before a number the one stands that is most like it, in numbers; 1 if they have at most 8 bits.
     pub(super) lag: usize,
-    /// What an earlier level says of them.
-    pub(super) earlier: Option<Earlier<'a>>,
+    /// What earlier sections say of them.
+    pub(super) known: Known<'a>,
     /// Whose symbols come equally often.
     pub(super) table: Table,
+}
+
+/// What earlier sections say of the numbers of a column.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Known<'a> {
+    /// Nothing.
+    Nothing,
+    /// Of discs of a level: the same number at an earlier one.
+    Earlier(Earlier<'a>),
+    /// Of discs of a block: those on either side; and which number it is.
+    Between(Between<'a>, usize),
 }
 
 /// Where a table of frequencies is kept.
@@ -60,7 +72,7 @@ pub(super) const KEPT: usize = 2 * kept::OF_BLOCK as usize;
 
 /// Triangles of a block: Elias and Fano's rows.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rows {
+pub(super) struct Rows<'a> {
     /// Triangles.
     pub(super) count: usize,
     /// Bits below.
@@ -69,6 +81,10 @@ pub(super) struct Rows {
     pub(super) lows: usize,
     /// First bit of the steps, and the bit after the last one.
     pub(super) steps: (usize, usize),
+    /// The first one.
+    pub(super) base: u32,
+    /// Blocks on either side.
+    pub(super) between: Option<Neighbours<'a>>,
     pub(super) table: Table,
 }
 
@@ -86,8 +102,10 @@ pub(super) trait Coder {
         let mut columns = columns.iter().filter(|column| column.width > 0);
         columns.try_for_each(|column| self.column(payload, column))
     }
+    /// Codes which blocks a block stands between, if any.
+    fn sides(&mut self) -> Option<Sides>;
     /// Codes the triangles of a block.
-    fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error>;
+    fn triangles(&mut self, payload: &mut [u8], rows: &Rows<'_>) -> Result<(), Error>;
 }
 
 /// What leads through a payload.
@@ -125,7 +143,7 @@ pub(super) fn walk<C: Coder>(
         }
         tag::MORPH => walk.morph_target(header)?,
         tag::CLIP => walk.clip()?,
-        tag::BLOCK => walk.block(header)?,
+        tag::BLOCK => walk.block(header, before)?,
         tag::LEVEL | tag::SHAPE => walk.level(header, before)?,
         _ => {}
     }
@@ -164,7 +182,7 @@ impl<C: Coder> Walk<'_, '_, C> {
             let at = 8 * self.at + number * width as usize;
             self.own += 1;
             let table = Table::Own(self.own);
-            self.column(Column { at, stride, count, width, lag: 1, earlier: None, table })?;
+            self.column(Column { at, stride, count, width, lag: 1, known: Known::Nothing, table })?;
         }
         self.skip(count.saturating_mul(stride) / 8);
         Ok(())
@@ -235,7 +253,15 @@ impl<C: Coder> Walk<'_, '_, C> {
             };
             let count = (record.keys.get() as usize).saturating_mul(lag);
             let at = 8 * self.at;
-            self.column(Column { at, stride: 16, count, width: 16, lag, earlier: None, table })?;
+            self.column(Column {
+                at,
+                stride: 16,
+                count,
+                width: 16,
+                lag,
+                known: Known::Nothing,
+                table,
+            })?;
             self.skip(2 * count);
         }
         Ok(())
@@ -250,14 +276,29 @@ impl<C: Coder> Walk<'_, '_, C> {
         Ok(head)
     }
 
-    fn block(&mut self, header: &Header) -> Result<(), Error> {
+    fn block(&mut self, header: &Header, before: &[u8]) -> Result<(), Error> {
         let head = self.head()?;
         let count = usize::from(head.count.get());
+        let mut between = None;
         if header.frame != FrameKind::World {
-            self.triangles(count)?;
+            if header.record == RecordKind::Disc
+                && let Some(sides) = self.coder.sides()
+            {
+                between = Neighbours::find(before, header, head.region, sides);
+                if between.is_none() {
+                    return malformed(
+                        "packed block",
+                        "it stands between blocks that are not there",
+                    );
+                }
+            }
+            self.triangles(count, between)?;
         }
         match header.record {
-            RecordKind::Disc => self.discs(count, 0, None)?,
+            RecordKind::Disc => self.discs(count, 0, |number, groups, widths| {
+                let known = between.and_then(|sides| sides.discs(groups, widths));
+                known.map_or(Known::Nothing, |between| Known::Between(between, number))
+            })?,
             RecordKind::Full => {
                 self.shorts(size_of::<FullGroup>() / 2, count.div_ceil(GROUP_LEN))?;
                 self.full_records(count)?;
@@ -273,10 +314,13 @@ impl<C: Coder> Walk<'_, '_, C> {
     fn level(&mut self, header: &Header, before: &[u8]) -> Result<(), Error> {
         let head = self.head()?;
         let earlier = Earlier::find(before, header, &head);
-        self.discs(head.count.get().into(), kept::OF_BLOCK, earlier)
+        self.discs(head.count.get().into(), kept::OF_BLOCK, |number, groups, widths| {
+            let earlier = earlier.map(|discs| Earlier { discs, number, groups, widths });
+            earlier.map_or(Known::Nothing, Known::Earlier)
+        })
     }
 
-    fn triangles(&mut self, count: usize) -> Result<(), Error> {
+    fn triangles(&mut self, count: usize, between: Option<Neighbours<'_>>) -> Result<(), Error> {
         let head: TrianglesRecord = self.record()?;
         let low_bits = u32::from(head.low_bits).min(24);
         let lows = self.at;
@@ -291,13 +335,21 @@ impl<C: Coder> Walk<'_, '_, C> {
             low_bits,
             lows: 8 * lows,
             steps: (8 * start, 8 * self.at),
+            base: head.base.get(),
+            between,
             table: Table::Kept(kept::TRIANGLES),
         };
         self.coder.triangles(self.payload, &rows)
     }
 
-    /// Widths, groups and records of discs.
-    fn discs(&mut self, count: usize, tables: u8, earlier: Option<Discs<'_>>) -> Result<(), Error> {
+    /// Widths, groups and records of discs. `known` says what is known of a number, whose ranges stand where it is told, with
+    /// these widths.
+    fn discs<'k>(
+        &mut self,
+        count: usize,
+        tables: u8,
+        known: impl Fn(usize, usize, DiscWidths) -> Known<'k>,
+    ) -> Result<(), Error> {
         let widths: DiscWidths = self.record()?;
         let Some(layout) = DiscLayout::new(widths) else {
             return malformed("packed block", "a width is above 8");
@@ -313,7 +365,7 @@ impl<C: Coder> Walk<'_, '_, C> {
             count: count_of_shorts,
             width: 16,
             lag: shorts,
-            earlier: None,
+            known: Known::Nothing,
             table,
         })?;
         self.skip(2 * count_of_shorts);
@@ -321,9 +373,9 @@ impl<C: Coder> Walk<'_, '_, C> {
         let (start, fields) = (8 * self.at, fields(layout));
         let columns = core::array::from_fn(|number| {
             let (bit, width) = fields.get(number).copied().unwrap_or_default();
-            let earlier = earlier.map(|discs| Earlier { discs, number, groups, widths });
             let table = Table::Kept(tables + number as u8);
-            Column { at: start + bit as usize, stride, count, width, lag: 1, earlier, table }
+            let known = known(number, groups, widths);
+            Column { at: start + bit as usize, stride, count, width, lag: 1, known, table }
         });
         columns.iter().try_for_each(|column| self.check(column))?;
         self.coder.discs(self.payload, &columns, layout)?;
@@ -339,7 +391,7 @@ impl<C: Coder> Walk<'_, '_, C> {
             self.own += 1;
             let (at, table) = (8 * (self.at + byte), Table::Own(self.own));
             let stride = 8 * len;
-            self.column(Column { at, stride, count, width, lag: 1, earlier: None, table })?;
+            self.column(Column { at, stride, count, width, lag: 1, known: Known::Nothing, table })?;
         }
         self.skip(count * len);
         Ok(())

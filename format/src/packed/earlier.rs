@@ -24,7 +24,7 @@ pub(super) struct Earlier<'a> {
 }
 
 /// The number of the angle among those of a disc.
-const ANGLE: usize = 3;
+pub(super) const ANGLE: usize = 3;
 
 impl<'a> Earlier<'a> {
     /// The discs of a level as the last section before it has them; `None` if none does.
@@ -87,7 +87,7 @@ impl<'a> Earlier<'a> {
 }
 
 /// Offset and step of a number other than the angle.
-fn range(group: &DiscGroup, number: usize) -> (f32, f32) {
+pub(super) fn range(group: &DiscGroup, number: usize) -> (f32, f32) {
     let ([x, y, z], [luma, orange, green]) = (group.position, group.color);
     let range = match number {
         0 => x,

@@ -5,11 +5,13 @@
 //!
 //! 1. `mesh`: triangles told from edge to edge, first weights as sums, in place.
 //! 2. `columns`: a payload as columns, each the same number of every record.
-//! 3. `predict`, `earlier`: what each number is likely to be, from the one before it or from the level before.
+//! 3. `predict`, `earlier`, `between`: what each number is likely to be, from the one before it, from the level before, or from
+//!    blocks on either side.
 //! 4. `table`, `rans`: how often each difference comes, and the bits that it takes.
 //! 5. `reader` fills a payload in, `unpack` leads through all of them.
 //! 6. `survey` counts what comes and chooses, `pack` writes (feature `std`).
 
+mod between;
 mod columns;
 mod earlier;
 mod mesh;
@@ -35,7 +37,7 @@ use crate::section;
 /// The first bytes of a packed file.
 pub const MAGIC: [u8; 8] = *b"DERMPK\r\n";
 /// The version of the packed form that this crate reads and writes.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// Byte ranges of the fields before the file's own preamble.
 mod file {
@@ -63,6 +65,9 @@ mod head {
     pub(super) const LEN: usize = 16;
 }
 
+/// A file has no more sections, as a reader looks for earlier ones section by section.
+const MOST_SECTIONS: usize = 1 << 14;
+
 /// No payload, and no file, is more than so many times as long as its packed form.
 const MOST_EXPANSION: usize = 64;
 
@@ -89,6 +94,8 @@ impl Coding {
 /// A step from one triangle to the next that is this or more stands in the side information, in so many bits.
 const ESCAPE: u8 = 255;
 const ESCAPED_BITS: u32 = 25;
+/// Bits of how many triangles of a block that stands between others are told by a symbol.
+const COUNT_BITS: u32 = 13;
 
 /// What stands before a packed section.
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +108,13 @@ struct SectionHead {
 
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(crate::bits::chunk(bytes, at))
+}
+
+fn check_sections(count: usize) -> Result<(), Error> {
+    if count > MOST_SECTIONS {
+        return malformed("packed file", "of more than 16,384 sections none is made");
+    }
+    Ok(())
 }
 
 /// Whether bytes begin as a packed file does.

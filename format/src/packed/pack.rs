@@ -6,33 +6,41 @@
 
 use std::collections::BTreeMap;
 
+use super::between::{BACK_BITS, Sides};
 use super::columns::{Coder, Column, Rows, Table, walk};
 use super::mesh::to_codes;
 use super::predict::{PREDICTION_BITS, Prediction};
 use super::rans::{Run, encode};
 use super::reader::Memory;
-use super::survey::{Choice, Key, Scope, Survey, differences, gap_symbol, gaps, key};
-use super::{CODING_BITS, Coding, ESCAPE, ESCAPED_BITS, MAGIC, MOST_EXPANSION, VERSION};
+use super::survey::{Choice, Key, Scope, Survey, Told, differences, told};
+use super::{
+    CODING_BITS, COUNT_BITS, Coding, ESCAPE, ESCAPED_BITS, MAGIC, MOST_EXPANSION, VERSION,
+};
 use crate::Avatar;
 use crate::bits::BitWriter;
+use crate::block::Block;
 use crate::error::Error;
 use crate::header::Header;
-use crate::section::{Section, Sections, preamble, section_crc, split_header};
+use crate::section::{Section, Sections, preamble, section_crc, split_header, tag};
+use crate::triangles::Triangles;
 
 /// The packed form of a file, by which [`super::unpack`] gives the same bytes again.
 ///
 /// # Errors
 ///
-/// Where `bytes` is no valid file.
+/// Where `bytes` is no valid file, or has more than 16,384 sections.
 pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
     Avatar::parse(bytes)?;
     let (header_bytes, rest) = split_header(bytes)?;
     let header = Header::parse(header_bytes)?;
     let head_len = preamble::LEN + header_bytes.len();
+    super::check_sections(Sections::new(rest).count())?;
+    let sides = sides(Sections::new(rest), &header);
     let (mut counts, mut at) = (BTreeMap::new(), head_len);
     let mut sections = Vec::new();
     for (index, section) in Sections::new(rest).enumerate() {
-        let mut survey = Survey { scope: Scope::of(index, &section), counts: &mut counts };
+        let sides = sides.get(&index).copied();
+        let mut survey = Survey { scope: Scope::of(index, &section), sides, counts: &mut counts };
         let mut payload = section.payload.to_vec();
         to_codes(section.tag, &mut payload, header.vertices);
         // What cannot be walked stands as it is.
@@ -47,7 +55,7 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
     out.extend((bytes.len() as u32).to_le_bytes());
     out.extend(crc32fast::hash(&out).to_le_bytes());
     out.extend(&bytes[..head_len]);
-    let mut packer = Packer { header, choices, state: State::default() };
+    let mut packer = Packer { header, sides, choices, state: State::default() };
     for (index, (section, payload, at)) in sections.into_iter().enumerate() {
         let coded = packer.section(index, &section, payload, &bytes[..at]);
         let coded = coded.as_deref().unwrap_or(section.payload);
@@ -60,9 +68,66 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
     Ok(out)
 }
 
+/// Which blocks each one stands between, by the index of its section: if the blocks of a layer take turns, of which they have
+/// one by their reversed bits in every round.
+fn sides(sections: Sections<'_>, header: &Header) -> BTreeMap<usize, Sides> {
+    let mut layers: BTreeMap<(u8, u8), Vec<(usize, Triangles<'_>)>> = BTreeMap::new();
+    for (index, section) in sections.enumerate() {
+        if section.tag == tag::BLOCK
+            && let Some(block) = Block::split(section.payload, header)
+        {
+            let of_layer = layers.entry((block.region, block.layer)).or_default();
+            of_layer.push((index, block.triangles));
+        }
+    }
+    let mut sides = BTreeMap::new();
+    for blocks in layers.values() {
+        let mut seats: Vec<usize> = (0..blocks.len()).collect();
+        seats.sort_by_key(|seat| seat.reverse_bits());
+        let block_at = |seat: usize| seats.iter().position(|&other| other == seat);
+        for (block, &seat) in seats.iter().enumerate().skip(1) {
+            let step = seat & seat.wrapping_neg();
+            let next = seat + step >= blocks.len();
+            let above = if next { 0 } else { seat + step };
+            let (Some(low), Some(high)) = (block_at(seat - step), block_at(above)) else {
+                continue;
+            };
+            let back = |other: usize| (block - other) as u32;
+            let own = Sides { low: back(low), high: back(high), next };
+            if own.low.max(own.high) >> BACK_BITS == 0
+                && stands_between(blocks[block].1, blocks[low].1, blocks[high].1, next)
+            {
+                sides.insert(blocks[block].0, own);
+            }
+        }
+    }
+    sides
+}
+
+/// Whether triangles of a block are mostly between those on either side, and the same where those are.
+fn stands_between(
+    here: Triangles<'_>,
+    low: Triangles<'_>,
+    high: Triangles<'_>,
+    next: bool,
+) -> bool {
+    let sides = low.iter().zip(high.iter().skip(next.into()));
+    let (mut count, mut between) = (0, 0);
+    for (here, (low, high)) in here.iter().zip(sides) {
+        if low == high && here != low {
+            return false;
+        }
+        count += 1;
+        between += u32::from((low..=high).contains(&here));
+    }
+    2 * between > count
+}
+
 /// The second walk through all sections.
 struct Packer {
     header: Header,
+    /// Of blocks that stand between others, by the index of their section.
+    sides: BTreeMap<usize, Sides>,
     choices: BTreeMap<Key, Choice>,
     state: State,
 }
@@ -104,6 +169,7 @@ impl Packer {
     ) -> Option<Vec<u8>> {
         let mut writer = Writer {
             scope: Scope::of(index, section),
+            sides: self.sides.get(&index).copied(),
             choices: &self.choices,
             held: &mut self.state.held,
             side: BitWriter::default(),
@@ -123,6 +189,7 @@ impl Packer {
 /// The second walk through a section.
 struct Writer<'a> {
     scope: (Scope, Scope),
+    sides: Option<Sides>,
     choices: &'a BTreeMap<Key, Choice>,
     held: &'a mut BTreeMap<(bool, u8), Key>,
     side: BitWriter,
@@ -131,8 +198,13 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     /// Says how numbers are coded, and codes those that have a table; whether they have none.
-    fn symbols(&mut self, table: Table, part: u8, symbols: impl Iterator<Item = u8>) -> bool {
-        let key = key(self.scope, table);
+    fn symbols(
+        &mut self,
+        key: Key,
+        table: Table,
+        part: u8,
+        symbols: impl Iterator<Item = u8>,
+    ) -> bool {
         let Some(Some(frequencies)) =
             self.choices.get(&key).map(|choice| choice.tables[usize::from(part)])
         else {
@@ -156,7 +228,8 @@ impl Writer<'_> {
 
 impl Coder for Writer<'_> {
     fn column(&mut self, payload: &mut [u8], column: &Column<'_>) -> Result<(), Error> {
-        let choice = self.choices.get(&key(self.scope, column.table));
+        let key = Key::of_column(self.scope, column);
+        let choice = self.choices.get(&key);
         let prediction = choice.map_or(Prediction::Zero, |choice| choice.prediction);
         let differences = differences(payload, column, prediction).unwrap_or_default();
         self.side.push(prediction.code(), PREDICTION_BITS);
@@ -167,20 +240,42 @@ impl Coder for Writer<'_> {
                 continue;
             }
             let halves = differences.iter().map(|difference| (difference >> (8 * part)) as u8);
-            if self.symbols(column.table, part as u8, halves.clone()) {
+            if self.symbols(key, column.table, part as u8, halves.clone()) {
                 halves.for_each(|half| self.side.push(half.into(), width));
             }
         }
         Ok(())
     }
 
-    fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {
-        let gaps = gaps(payload, rows);
-        if self.symbols(rows.table, 0, gaps.iter().map(|&gap| gap_symbol(gap))) {
-            gaps.iter().for_each(|&gap| self.side.push(gap, ESCAPED_BITS));
-        } else {
-            let far = gaps.iter().filter(|&&gap| gap_symbol(gap) == ESCAPE);
-            far.for_each(|&gap| self.side.push(gap, ESCAPED_BITS));
+    fn sides(&mut self) -> Option<Sides> {
+        self.side.push(self.sides.is_some().into(), 1);
+        if let Some(Sides { low, high, next }) = self.sides {
+            self.side.push(low, BACK_BITS);
+            self.side.push(high, BACK_BITS);
+            self.side.push(next.into(), 1);
+        }
+        self.sides
+    }
+
+    fn triangles(&mut self, payload: &mut [u8], rows: &Rows<'_>) -> Result<(), Error> {
+        let told = told(payload, rows).unwrap_or_default();
+        let symbols = told.iter().filter_map(|told| match told {
+            Told::Symbol(symbol, _) => Some(*symbol),
+            _ => None,
+        });
+        let count = symbols.clone().count() as u32;
+        let are_raw = self.symbols(Key::of_rows(self.scope, rows), rows.table, 0, symbols);
+        if rows.between.is_some() {
+            self.side.push(count, COUNT_BITS);
+        }
+        for told in told {
+            match told {
+                Told::Symbol(symbol, otherwise) if are_raw || symbol == ESCAPE => {
+                    self.side.push(otherwise, ESCAPED_BITS);
+                }
+                Told::Raw(triangle) => self.side.push(triangle, ESCAPED_BITS),
+                Told::Known | Told::Symbol(..) => {}
+            }
         }
         Ok(())
     }

@@ -14,13 +14,15 @@ pub(super) enum Prediction {
     Previous,
     /// The same number of the same disc at an earlier level. Not for numbers of more than 8 bits.
     Earlier,
+    /// What stands half way between the same number of the discs on either side, for [`super::between::ALIKE`].
+    Between,
 }
 
 /// Bits that say which.
 pub(super) const PREDICTION_BITS: u32 = 2;
 
 impl Prediction {
-    pub(super) const ALL: [Self; 3] = [Self::Zero, Self::Previous, Self::Earlier];
+    pub(super) const ALL: [Self; 4] = [Self::Zero, Self::Previous, Self::Earlier, Self::Between];
 
     /// Of a code.
     pub(super) fn of(code: u32) -> Option<Self> {
@@ -173,7 +175,7 @@ fn predicted(
         Prediction::Previous => {
             Some(index.checked_sub(column.lag).map_or(0, |before| number(payload, column, before)))
         }
-        Prediction::Earlier => None,
+        Prediction::Earlier | Prediction::Between => None,
     }
 }
 

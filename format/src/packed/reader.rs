@@ -1,14 +1,15 @@
 //! A coded payload to the payload.
 
-use super::columns::{Coder, Column, KEPT, Rows, Table, walk};
+use super::between::{ALIKE, BACK_BITS, Between, Sides};
+use super::columns::{Coder, Column, KEPT, Known, Rows, Table, walk};
 use super::mesh::from_codes;
 use super::predict::{
     BATCH, FromEarlier, PREDICTION_BITS, Prediction, Predictor, Previous, Zero, unfold_column,
 };
 use super::rans::Decoder;
 use super::table::{Frequencies, Slots};
-use super::{CODING_BITS, Coding, ESCAPE, ESCAPED_BITS};
-use crate::bits::{Bits, flip, flip_wide, mask};
+use super::{CODING_BITS, COUNT_BITS, Coding, ESCAPE, ESCAPED_BITS};
+use crate::bits::{Appender, Bits, flip, mask};
 use crate::discs::DiscLayout;
 use crate::error::{Error, malformed};
 use crate::header::Header;
@@ -98,24 +99,24 @@ impl Coded<'_> {
         Ok(coding)
     }
 
-    /// How a column of at most 8 bits is predicted and coded, and its numbers, a batch at a time.
+    /// How a column of at most 8 bits is coded, and its numbers, a batch at a time.
     fn numbers(
         &mut self,
         payload: &mut [u8],
         column: &Column<'_>,
+        prediction: Prediction,
         put: impl FnMut(&mut [u8], &[u8]),
     ) -> Result<(), Error> {
-        let prediction = self.prediction()?;
         let coding = self.coding(column.table, 0)?;
-        match (prediction, column.earlier) {
+        match (prediction, column.known) {
             (Prediction::Zero, _) => self.batches(payload, column, coding, Zero, put),
             (Prediction::Previous, _) => {
                 self.batches(payload, column, coding, Previous::default(), put);
             }
-            (Prediction::Earlier, Some(earlier)) => {
+            (Prediction::Earlier, Known::Earlier(earlier)) => {
                 self.batches(payload, column, coding, FromEarlier::new(earlier), put);
             }
-            (Prediction::Earlier, None) => return unpredictable(),
+            (Prediction::Earlier | Prediction::Between, _) => return unpredictable(),
         }
         Ok(())
     }
@@ -154,6 +155,20 @@ impl Coded<'_> {
     }
 }
 
+impl Reader<'_> {
+    /// Stages what discs on either side say.
+    fn stage(&mut self, payload: &[u8], between: Between<'_>, count: usize) {
+        for batch in 0..count.div_ceil(BATCH) {
+            let alike = between.predict(payload, batch);
+            for (staged, codes) in self.staged[ALIKE].iter_mut().zip(alike) {
+                if let Some(staged) = staged.as_chunks_mut().0.get_mut(batch) {
+                    *staged = codes;
+                }
+            }
+        }
+    }
+}
+
 /// Puts numbers into a column, where zeros stand.
 fn place(column: &Column<'_>) -> impl FnMut(&mut [u8], &[u8]) {
     let Column { mut at, stride, .. } = *column;
@@ -167,10 +182,10 @@ fn place(column: &Column<'_>) -> impl FnMut(&mut [u8], &[u8]) {
 
 impl Coder for Reader<'_> {
     fn column(&mut self, payload: &mut [u8], column: &Column<'_>) -> Result<(), Error> {
-        if column.width <= 8 {
-            return self.source.numbers(payload, column, place(column));
-        }
         let prediction = self.source.prediction()?;
+        if column.width <= 8 {
+            return self.source.numbers(payload, column, prediction, place(column));
+        }
         for (part, width) in [8, column.width - 8].into_iter().enumerate() {
             let half = Column { at: column.at + 8 * part, width, ..*column };
             let coding = self.source.coding(column.table, part as u8)?;
@@ -185,63 +200,152 @@ impl Coder for Reader<'_> {
         columns: &[Column<'_>; 10],
         layout: DiscLayout,
     ) -> Result<(), Error> {
+        if let Known::Between(between, _) = columns[0].known {
+            self.stage(payload, between, columns[0].count);
+        }
         for (column, staged) in columns.iter().zip(&mut *self.staged) {
             if column.width == 0 {
                 staged.fill(0);
                 continue;
             }
+            let prediction = self.source.prediction()?;
+            let (rest, is_between) = match (prediction, column.known) {
+                (Prediction::Between, Known::Between(_, number)) if ALIKE.contains(&number) => {
+                    (Prediction::Zero, true)
+                }
+                _ => (prediction, false),
+            };
+            let mask = mask(column.width) as u8;
             let mut staged = staged.chunks_mut(BATCH);
             let put = |_: &mut [u8], batch: &[u8]| {
-                if let Some(to) = staged.next().and_then(|staged| staged.get_mut(..batch.len())) {
-                    to.copy_from_slice(batch);
+                let Some(staged) = staged.next() else { return };
+                if is_between {
+                    let numbers = staged.iter_mut().zip(batch);
+                    numbers.for_each(|(number, by)| *number = number.wrapping_add(*by) & mask);
+                } else if let Some(staged) = staged.get_mut(..batch.len()) {
+                    staged.copy_from_slice(batch);
                 }
             };
-            self.source.numbers(payload, column, put)?;
+            self.source.numbers(payload, column, rest, put)?;
         }
-        let [Column { mut at, stride, count, .. }, ..] = *columns;
+        let [Column { at, count, .. }, ..] = *columns;
         let [x, y, z, angle, s, t, luma, orange, green, opacity] = &*self.staged;
         let shifts = layout.shifts();
+        // Records begin with a byte.
+        let mut records = Appender::new(payload.get_mut(at / 8..).unwrap_or_default());
         for index in 0..count.min(x.len()) {
             let codes = [x, y, z, angle, s, t, luma, orange, green, opacity];
             let codes = codes.map(|numbers| numbers.get(index).map_or(0, |&code| code.into()));
-            flip_wide(payload, at, layout.record(&shifts, codes));
-            at += stride;
+            layout.append(&mut records, &shifts, codes);
         }
+        records.finish();
         Ok(())
     }
 
-    fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {
+    fn sides(&mut self) -> Option<Sides> {
+        let side = &mut self.source.side;
+        (side.take(1) == 1).then(|| Sides {
+            low: side.take(BACK_BITS),
+            high: side.take(BACK_BITS),
+            next: side.take(1) == 1,
+        })
+    }
+
+    fn triangles(&mut self, payload: &mut [u8], rows: &Rows<'_>) -> Result<(), Error> {
         let coding = self.source.coding(rows.table, 0)?;
         let Coded { side, symbols, tables } = &mut self.source;
-        let (mut triangle, mut index) = (0u32, 0usize);
-        let (low_bits, end) = (rows.low_bits, rows.steps.1);
-        let mut fits = true;
-        let mut put = |gap: u32| {
-            triangle = triangle.wrapping_add(gap);
-            let low = triangle & mask(low_bits);
-            flip(payload, rows.lows + index * low_bits as usize, low);
-            let step = rows.steps.0 + (triangle >> low_bits) as usize + index;
-            fits &= step < end;
-            if step < end {
-                flip(payload, step, 1);
+        let left = if rows.between.is_some() { side.take(COUNT_BITS) as usize } else { rows.count };
+        let slots = &tables.slots;
+        let batch = [0; BATCH];
+        let mut symbols = Symbols { coding, decoder: symbols, slots, left, batch, at: BATCH };
+        let mut to = RowsWriter { payload, rows, index: 0, fits: true };
+        match rows.between {
+            None => {
+                let mut triangle = rows.base;
+                for _ in 0..rows.count {
+                    let step = symbols.next_if(true);
+                    let step = if step == ESCAPE { side.take(ESCAPED_BITS) } else { step.into() };
+                    triangle = triangle.wrapping_add(step);
+                    to.push(triangle);
+                }
             }
-            index += 1;
-        };
-        let mut batch = [0; BATCH];
-        let mut left = rows.count;
-        while left > 0 {
-            let batch = &mut batch[..left.min(BATCH)];
-            if coding == Coding::Raw {
-                batch.fill(ESCAPE);
-            } else {
-                symbols.fill(&tables.slots, batch);
+            Some(between) => {
+                let mut sides = between.triangles();
+                for _ in 0..rows.count {
+                    let Some([low, high]) = sides.next() else {
+                        to.push(side.take(ESCAPED_BITS));
+                        continue;
+                    };
+                    let step = symbols.next_if(low != high);
+                    let is_escape = step == ESCAPE;
+                    let told = low.wrapping_add(step.into());
+                    to.push(if is_escape { side.take(ESCAPED_BITS) } else { told });
+                }
             }
-            for &mut symbol in &mut *batch {
-                put(if symbol == ESCAPE { side.take(ESCAPED_BITS) } else { symbol.into() });
-            }
-            left -= batch.len();
         }
-        if fits { Ok(()) } else { malformed("packed block", "its triangles are longer than it is") }
+        if to.fits {
+            Ok(())
+        } else {
+            malformed("packed block", "its triangles are longer than it is")
+        }
+    }
+}
+
+/// Symbols of a part, one at a time.
+struct Symbols<'a, 'b> {
+    coding: Coding,
+    decoder: &'a mut Decoder<'b>,
+    slots: &'a Slots,
+    /// Symbols after those of the batch.
+    left: usize,
+    batch: [u8; BATCH],
+    at: usize,
+}
+
+impl Symbols<'_, '_> {
+    /// The next one, [`ESCAPE`] where there are none; or 0, and it stays. Without a branch: which it is cannot be foretold.
+    #[inline(always)]
+    fn next_if(&mut self, takes: bool) -> u8 {
+        if self.at == BATCH {
+            self.fill();
+        }
+        let symbol = self.batch.get(self.at).copied().unwrap_or(ESCAPE);
+        self.at += usize::from(takes);
+        symbol & u8::from(takes).wrapping_neg()
+    }
+
+    fn fill(&mut self) {
+        self.batch = [ESCAPE; BATCH];
+        self.at = 0;
+        if self.coding != Coding::Raw {
+            let (batch, _) = self.batch.split_at_mut(self.left.min(BATCH));
+            self.decoder.fill(self.slots, batch);
+            self.left -= batch.len();
+        }
+    }
+}
+
+/// Writes triangles into rows of zeros.
+struct RowsWriter<'a> {
+    payload: &'a mut [u8],
+    rows: &'a Rows<'a>,
+    index: usize,
+    /// Whether all had room.
+    fits: bool,
+}
+
+impl RowsWriter<'_> {
+    #[inline(always)]
+    fn push(&mut self, triangle: u32) {
+        let Rows { low_bits, lows, steps: (start, end), base, .. } = *self.rows;
+        let triangle = triangle.wrapping_sub(base);
+        flip(self.payload, lows + self.index * low_bits as usize, triangle & mask(low_bits));
+        let step = ((triangle >> low_bits) as usize).saturating_add(start + self.index);
+        self.fits &= step < end;
+        if step < end {
+            flip(self.payload, step, 1);
+        }
+        self.index += 1;
     }
 }
 

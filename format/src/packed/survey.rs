@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::ESCAPE;
-use super::columns::{Coder, Column, Rows, Table};
-use super::predict::{BATCH, FromEarlier, Prediction, Predictor, Previous, Zero, folded, number};
+use super::between::{ALIKE, Sides};
+use super::columns::{Coder, Column, Known, Rows, Table};
+use super::predict::{BATCH, FromEarlier, Prediction, Predictor, Previous, folded, number};
 use super::table::{Frequencies, SLOTS};
 use crate::bits::{BitWriter, mask};
 use crate::error::Error;
@@ -17,6 +18,8 @@ use crate::triangles::Triangles;
 pub(super) struct Key {
     scope: Scope,
     table: u16,
+    /// Whether they are of blocks that stand between others.
+    between: bool,
 }
 
 /// Where a table is one and the same.
@@ -42,10 +45,22 @@ impl Scope {
     }
 }
 
-pub(super) fn key((kept, own): (Scope, Scope), table: Table) -> Key {
-    match table {
-        Table::Kept(id) => Key { scope: kept, table: id.into() },
-        Table::Own(id) => Key { scope: own, table: id },
+impl Key {
+    fn new((kept, own): (Scope, Scope), table: Table, between: bool) -> Self {
+        match table {
+            Table::Kept(id) => Self { scope: kept, table: id.into(), between },
+            Table::Own(id) => Self { scope: own, table: id, between },
+        }
+    }
+
+    /// Of a column.
+    pub(super) fn of_column(scopes: (Scope, Scope), column: &Column<'_>) -> Self {
+        Self::new(scopes, column.table, matches!(column.known, Known::Between(..)))
+    }
+
+    /// Of triangles.
+    pub(super) fn of_rows(scopes: (Scope, Scope), rows: &Rows<'_>) -> Self {
+        Self::new(scopes, rows.table, rows.between.is_some())
     }
 }
 
@@ -55,36 +70,62 @@ pub(super) fn differences(
     column: &Column<'_>,
     prediction: Prediction,
 ) -> Option<Vec<u32>> {
-    let numbers = (0..column.count).map(|index| number(payload, column, index));
     if column.width > 8 {
         return folded(payload, column, prediction);
     }
-    let less = |mut predictor: Box<dyn Predictor + '_>| {
-        let mut numbers: Vec<u8> = numbers.map(|number| number as u8).collect();
+    let number = |index: usize| number(payload, column, index) as u8;
+    let mut numbers: Vec<u8> = (0..column.count).map(number).collect();
+    let mut subtract = |predictor: &mut dyn Predictor| {
         numbers.chunks_mut(BATCH).for_each(|batch| predictor.subtract(payload, batch));
-        numbers.iter().map(|&number| u32::from(number) & mask(column.width)).collect()
     };
-    match (prediction, column.earlier) {
-        (Prediction::Zero, _) => Some(less(Box::new(Zero))),
-        (Prediction::Previous, _) => Some(less(Box::new(Previous::default()))),
-        (Prediction::Earlier, Some(earlier)) => Some(less(Box::new(FromEarlier::new(earlier)))),
-        (Prediction::Earlier, None) => None,
+    match (prediction, column.known) {
+        (Prediction::Zero, _) => {}
+        (Prediction::Previous, _) => subtract(&mut Previous::default()),
+        (Prediction::Earlier, Known::Earlier(earlier)) => subtract(&mut FromEarlier::new(earlier)),
+        (Prediction::Between, Known::Between(between, number)) if ALIKE.contains(&number) => {
+            for (batch, numbers) in numbers.chunks_mut(BATCH).enumerate() {
+                let predicted = between.predict(payload, batch)[number - ALIKE.start];
+                numbers.iter_mut().zip(predicted).for_each(|(n, p)| *n = n.wrapping_sub(p));
+            }
+        }
+        (Prediction::Earlier | Prediction::Between, _) => return None,
+    }
+    Some(numbers.iter().map(|&number| u32::from(number) & mask(column.width)).collect())
+}
+
+/// How a triangle is told.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Told {
+    /// It is that on either side.
+    Known,
+    /// By a symbol, or where that is [`ESCAPE`] by a number in the side information.
+    Symbol(u8, u32),
+    /// By a number in the side information.
+    Raw(u32),
+}
+
+impl Told {
+    fn by_step(step: u32, otherwise: u32) -> Self {
+        Self::Symbol(step.min(ESCAPE.into()) as u8, otherwise)
     }
 }
 
-/// Steps from one triangle to the next.
-pub(super) fn gaps(payload: &[u8], rows: &Rows) -> Vec<u32> {
+/// How the triangles of a block are told; `None` if they are not between those on either side.
+pub(super) fn told(payload: &[u8], rows: &Rows<'_>) -> Option<Vec<Told>> {
     let start = (rows.lows / 8).saturating_sub(size_of::<TrianglesRecord>());
-    let triangles = payload.get(start..).and_then(|b| Triangles::split(b, rows.count as u32));
-    let triangles: Vec<u32> = triangles.map_or(Vec::new(), |(all, _)| all.iter().collect());
-    let first = triangles.first().copied().unwrap_or(0);
-    let before = std::iter::once(first).chain(triangles.iter().copied());
-    let gaps = triangles.iter().zip(before).map(|(here, before)| here.wrapping_sub(before));
-    gaps.collect()
-}
-
-pub(super) fn gap_symbol(gap: u32) -> u8 {
-    gap.min(ESCAPE.into()) as u8
+    let (triangles, _) = Triangles::split(payload.get(start..)?, rows.count as u32)?;
+    let Some(between) = &rows.between else {
+        let before = std::iter::once(rows.base).chain(triangles.iter());
+        let steps = triangles.iter().zip(before).map(|(here, before)| here.wrapping_sub(before));
+        return Some(steps.map(|step| Told::by_step(step, step)).collect());
+    };
+    let mut sides = between.triangles();
+    let told = |here: u32| match sides.next() {
+        Some([low, high]) if low == high => (here == low).then_some(Told::Known),
+        Some([low, _]) => Some(Told::by_step(here.wrapping_sub(low), here)),
+        None => Some(Told::Raw(here)),
+    };
+    triangles.iter().map(told).collect()
 }
 
 /// How often each symbol comes in columns that share a table, by each prediction.
@@ -153,6 +194,7 @@ pub(super) struct Choice {
 /// The first walk.
 pub(super) struct Survey<'a> {
     pub(super) scope: (Scope, Scope),
+    pub(super) sides: Option<Sides>,
     pub(super) counts: &'a mut BTreeMap<Key, Counts>,
 }
 
@@ -160,7 +202,7 @@ impl Coder for Survey<'_> {
     fn column(&mut self, payload: &mut [u8], column: &Column<'_>) -> Result<(), Error> {
         let counts = self
             .counts
-            .entry(key(self.scope, column.table))
+            .entry(Key::of_column(self.scope, column))
             .or_insert_with(|| Counts::new(column.width));
         counts.columns += 1;
         for (&prediction, predicted) in Prediction::ALL.iter().zip(&mut counts.by) {
@@ -176,13 +218,19 @@ impl Coder for Survey<'_> {
         Ok(())
     }
 
-    fn triangles(&mut self, payload: &mut [u8], rows: &Rows) -> Result<(), Error> {
+    fn sides(&mut self) -> Option<Sides> {
+        self.sides
+    }
+
+    fn triangles(&mut self, payload: &mut [u8], rows: &Rows<'_>) -> Result<(), Error> {
         let counts =
-            self.counts.entry(key(self.scope, rows.table)).or_insert_with(|| Counts::new(8));
+            self.counts.entry(Key::of_rows(self.scope, rows)).or_insert_with(|| Counts::new(8));
         counts.columns += 1;
         counts.by[0].columns += 1;
-        for gap in gaps(payload, rows) {
-            counts.by[0].parts[0][usize::from(gap_symbol(gap))] += 1;
+        for told in told(payload, rows).unwrap_or_default() {
+            if let Told::Symbol(symbol, _) = told {
+                counts.by[0].parts[0][usize::from(symbol)] += 1;
+            }
         }
         Ok(())
     }

@@ -16,6 +16,8 @@ pub struct Unpacker<'p, 'f> {
     len: usize,
     /// Bytes of the whole file.
     total: usize,
+    /// Sections that are done.
+    sections: usize,
     header: Header,
     memory: Memory,
 }
@@ -46,7 +48,8 @@ impl<'p, 'f> Unpacker<'p, 'f> {
             (Some(to), Some(from)) => to.copy_from_slice(from),
             _ => return malformed("packed file", "it is longer than it says"),
         }
-        Ok(Self { rest: sections, out, len, total, header, memory: Memory::default() })
+        let memory = Memory::default();
+        Ok(Self { rest: sections, out, len, total, sections: 0, header, memory })
     }
 
     /// What is unpacked so far: the file's first bytes.
@@ -66,6 +69,8 @@ impl<'p, 'f> Unpacker<'p, 'f> {
             let cut = Error::Truncated { place: "unpacked file", needed, present };
             return if whole { Ok(false) } else { Err(cut) };
         }
+        self.sections += 1;
+        super::check_sections(self.sections)?;
         let (SectionHead { tag, len, crc }, coded, rest) = super::split_section(self.rest)?;
         let room = self.out.split_at_mut_checked(self.len).and_then(|(before, room)| {
             let room = room.get_mut(..section::head::LEN.checked_add(len)?)?;

@@ -4,7 +4,11 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use dermis_format::order::BLOCK_LEN;
 use dermis_format::packed::pack;
+use dermis_format::source::{Gaussians, Mesh, Region, Source};
+use dermis_format::writer::encode;
+use dermis_format::{Disc, DiscWidths};
 use dermis_runtime::{Kernel, Level};
 
 use dermis_conformance::export::{self, export};
@@ -205,15 +209,64 @@ fn files_can_be_read() {
     assert_eq!(digests.len(), File::ALL.len());
 }
 
-/// The packed avatar is what the packer makes today, and unpacks to the file.
-#[test]
-fn the_packed_file_unpacks() {
-    let packed = pack(File::Leveled.bytes()).expect("it is valid");
-    if std::env::var_os("DERMIS_BLESS").is_some() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/data/leveled.packed");
-        std::fs::write(path, &packed).expect("it can be written");
+/// Two blocks of discs of 5 and 6 bits a number that take turns: the second one is told from the first.
+fn turns() -> Source {
+    let (count, triangles) = (BLOCK_LEN + 300, 40);
+    let mut seed = 1u32;
+    let mut random = || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (seed >> 8) as f32 / (1 << 24) as f32
+    };
+    let turns = (0..count).step_by(2).chain((1..count).step_by(2));
+    let discs = turns.clone().map(|turn| {
+        let along = turn as f32 / count as f32;
+        Disc {
+            position: [random(), random(), 0.1 * random()],
+            angle: 6.0 * along + random(),
+            log2_scale: [3.0 * along + random(), random() - 1.0],
+            color: [along, 1.0 - along, 0.8 * random()],
+            opacity: 1.0,
+        }
+    });
+    let region = Region {
+        layers: vec![count],
+        gaussians: Gaussians::Disc(discs.collect()),
+        triangles: turns.map(|turn| turn * triangles / count).collect(),
+        ..Region::default()
+    };
+    Source {
+        mesh: Mesh {
+            positions: (0..triangles + 2).map(|i| [(i % 2) as f32, i as f32, 0.0]).collect(),
+            triangles: (0..triangles).map(|i| [i, i + 1, i + 2]).collect(),
+            ..Mesh::default()
+        },
+        regions: vec![region],
+        widths: vec![DiscWidths {
+            position: [5; 3],
+            angle: 6,
+            scale: 5,
+            color: [6, 5, 5],
+            opacity: 0,
+        }],
+        bounds: [[0.0; 3], [1.0, triangles as f32, 1.0]],
+        ..Source::default()
     }
-    assert!(packed == unpacking::PACKED, "the packer has changed; renew with DERMIS_BLESS=1");
+}
+
+/// The packed avatars are what the packer makes today, and unpack to the files.
+#[test]
+fn packed_files_unpack() {
+    let turns = encode(&turns()).expect("it can be written");
+    for (name, file, stored) in
+        [("leveled", File::Leveled.bytes(), unpacking::PACKED), ("turns", &turns, unpacking::TURNS)]
+    {
+        let packed = pack(file).expect("it is valid");
+        if std::env::var_os("DERMIS_BLESS").is_some() {
+            let path = format!("{}/data/{name}.packed", env!("CARGO_MANIFEST_DIR"));
+            std::fs::write(path, &packed).expect("it can be written");
+        }
+        assert!(packed == stored, "{name}: the packer has changed; renew with DERMIS_BLESS=1");
+    }
     assert_eq!(unpacks(&mut [0; FRAME_WORDS]), Ok(true));
 }
 
