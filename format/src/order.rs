@@ -51,6 +51,15 @@ pub fn blocks(layer_counts: &[u32]) -> impl Iterator<Item = (u8, u32, u32)> + '_
     })
 }
 
+/// Seats of a layer's blocks, where its Gaussians are dealt to them like cards, one to each in every round: in the order of
+/// reversed bits, so that the first blocks sit evenly apart, and each half way between two that came before.
+#[cfg(feature = "std")]
+pub fn seats(blocks: usize) -> Vec<usize> {
+    let mut seats: Vec<usize> = (0..blocks).collect();
+    seats.sort_by_key(|seat| seat.reverse_bits());
+    seats
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,7 +9,7 @@
 //!    blocks on either side.
 //! 4. `table`, `rans`: how often each difference comes, and the bits that it takes.
 //! 5. `reader` fills a payload in, `unpack` leads through all of them.
-//! 6. `survey` counts what comes and chooses, `pack` writes (feature `std`).
+//! 6. `seats` finds which blocks stand beside each other, `survey` counts what comes and chooses, `pack` writes (feature `std`).
 
 mod between;
 mod columns;
@@ -20,6 +20,8 @@ mod pack;
 mod predict;
 mod rans;
 mod reader;
+#[cfg(feature = "std")]
+mod seats;
 #[cfg(feature = "std")]
 mod survey;
 mod table;

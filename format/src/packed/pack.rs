@@ -12,17 +12,16 @@ use super::mesh::to_codes;
 use super::predict::{PREDICTION_BITS, Prediction};
 use super::rans::{Run, encode};
 use super::reader::Memory;
+use super::seats::sides;
 use super::survey::{Choice, Key, Scope, Survey, Told, differences, told};
 use super::{
     CODING_BITS, COUNT_BITS, Coding, ESCAPE, ESCAPED_BITS, MAGIC, MOST_EXPANSION, VERSION,
 };
 use crate::Avatar;
 use crate::bits::BitWriter;
-use crate::block::Block;
 use crate::error::Error;
 use crate::header::Header;
-use crate::section::{Section, Sections, preamble, section_crc, split_header, tag};
-use crate::triangles::Triangles;
+use crate::section::{Section, Sections, preamble, section_crc, split_header};
 
 /// The packed form of a file, by which [`super::unpack`] gives the same bytes again.
 ///
@@ -66,61 +65,6 @@ pub fn pack(bytes: &[u8]) -> Result<Vec<u8>, Error> {
         out.extend(coded);
     }
     Ok(out)
-}
-
-/// Which blocks each one stands between, by the index of its section: if the blocks of a layer take turns, of which they have
-/// one by their reversed bits in every round.
-fn sides(sections: Sections<'_>, header: &Header) -> BTreeMap<usize, Sides> {
-    let mut layers: BTreeMap<(u8, u8), Vec<(usize, Triangles<'_>)>> = BTreeMap::new();
-    for (index, section) in sections.enumerate() {
-        if section.tag == tag::BLOCK
-            && let Some(block) = Block::split(section.payload, header)
-        {
-            let of_layer = layers.entry((block.region, block.layer)).or_default();
-            of_layer.push((index, block.triangles));
-        }
-    }
-    let mut sides = BTreeMap::new();
-    for blocks in layers.values() {
-        let mut seats: Vec<usize> = (0..blocks.len()).collect();
-        seats.sort_by_key(|seat| seat.reverse_bits());
-        let block_at = |seat: usize| seats.iter().position(|&other| other == seat);
-        for (block, &seat) in seats.iter().enumerate().skip(1) {
-            let step = seat & seat.wrapping_neg();
-            let next = seat + step >= blocks.len();
-            let above = if next { 0 } else { seat + step };
-            let (Some(low), Some(high)) = (block_at(seat - step), block_at(above)) else {
-                continue;
-            };
-            let back = |other: usize| (block - other) as u32;
-            let own = Sides { low: back(low), high: back(high), next };
-            if own.low.max(own.high) >> BACK_BITS == 0
-                && stands_between(blocks[block].1, blocks[low].1, blocks[high].1, next)
-            {
-                sides.insert(blocks[block].0, own);
-            }
-        }
-    }
-    sides
-}
-
-/// Whether triangles of a block are mostly between those on either side, and the same where those are.
-fn stands_between(
-    here: Triangles<'_>,
-    low: Triangles<'_>,
-    high: Triangles<'_>,
-    next: bool,
-) -> bool {
-    let sides = low.iter().zip(high.iter().skip(next.into()));
-    let (mut count, mut between) = (0, 0);
-    for (here, (low, high)) in here.iter().zip(sides) {
-        if low == high && here != low {
-            return false;
-        }
-        count += 1;
-        between += u32::from((low..=high).contains(&here));
-    }
-    2 * between > count
 }
 
 /// The second walk through all sections.

@@ -1,9 +1,8 @@
 //! Which Gaussian of a layer stands where in the file.
 //!
-//! Gaussians of a layer, by triangle, are dealt to its blocks like cards: one to each in every round. Blocks sit in the
-//! order of their reversed bits, so that the first ones of a layer, however many have come, are spread evenly over it, and
-//! a block sits half way between two that came before: the packed form tells its triangles, shapes and colours from
-//! theirs.
+//! Gaussians of a layer, by triangle, are dealt to its blocks like cards: one to each in every round. By the seats of the
+//! blocks ([`order::seats`]) the first ones, however many have come, are spread evenly over the layer, and each lies between
+//! two that came before: the packed form tells its triangles, shapes and colours from theirs.
 
 use dermis_format::order;
 
@@ -12,9 +11,7 @@ pub fn turns(layers: &[u32]) -> Vec<u32> {
     let blocks: Vec<_> = order::blocks(layers).collect();
     let mut turns = Vec::new();
     for blocks in blocks.chunk_by(|a, b| a.0 == b.0) {
-        let mut seats: Vec<usize> = (0..blocks.len()).collect();
-        seats.sort_by_key(|seat| seat.reverse_bits());
-        let mut seated: Vec<_> = seats.into_iter().zip(blocks).collect();
+        let mut seated: Vec<_> = order::seats(blocks.len()).into_iter().zip(blocks).collect();
         seated.sort_by_key(|&(seat, _)| seat);
         // Lengths differ by one at most.
         let rounds = blocks.iter().map(|&(.., count)| count).max().unwrap_or(0);
