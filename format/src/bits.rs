@@ -54,7 +54,13 @@ impl<'a> Bits<'a> {
 /// Flips the bits of `number`, of at most 25, from bit `at` on: writes it where zeros stand. Nothing beyond the end.
 #[inline]
 pub(crate) fn flip(bytes: &mut [u8], at: usize, number: u32) {
-    flip_bytes(bytes, at / 8, (number << (at % 8)).to_le_bytes());
+    let Some(rest) = bytes.get_mut(at / 8..) else { return };
+    let by = (number << (at % 8)).to_le_bytes();
+    match rest.first_chunk_mut::<4>() {
+        // Of a length that is known: one operation.
+        Some(window) => window.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
+        None => rest.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
+    }
 }
 
 /// Writes numbers one after the other from the start of a byte on, and nothing beyond the end.
@@ -67,7 +73,7 @@ pub(crate) struct Appender<'a> {
 }
 
 impl<'a> Appender<'a> {
-    /// To the first bit on.
+    /// From the first bit on.
     pub(crate) fn new(bytes: &'a mut [u8]) -> Self {
         Self { rest: bytes, pending: 0, len: 0 }
     }
@@ -105,16 +111,6 @@ impl<'a> Appender<'a> {
         let rest = core::mem::take(&mut self.rest);
         self.rest = rest.get_mut(..left).unwrap_or_default();
         self.write();
-    }
-}
-
-#[inline(always)]
-fn flip_bytes<const N: usize>(bytes: &mut [u8], at: usize, by: [u8; N]) {
-    let Some(rest) = bytes.get_mut(at..) else { return };
-    match rest.first_chunk_mut::<N>() {
-        // Of a length that is known: one operation.
-        Some(window) => window.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
-        None => rest.iter_mut().zip(by).for_each(|(to, by)| *to ^= by),
     }
 }
 

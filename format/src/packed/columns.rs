@@ -4,7 +4,7 @@
 //! before, so that the same walk leads the packer, which has all of it, and the unpacker, which has what it wrote so
 //! far.
 
-use super::between::{Between, Neighbours, Sides};
+use super::between::{ALIKE, Between, Neighbours, Sides};
 use super::earlier::Earlier;
 use crate::bits::bytes_for;
 use crate::discs::DiscLayout;
@@ -43,7 +43,7 @@ pub(super) enum Known<'a> {
     Nothing,
     /// Of discs of a level: the same number at an earlier one.
     Earlier(Earlier<'a>),
-    /// Of discs of a block: those on either side; and which number it is.
+    /// Of discs of a block: those on either side; and which number it is, one of [`ALIKE`].
     Between(Between<'a>, usize),
 }
 
@@ -296,7 +296,8 @@ impl<C: Coder> Walk<'_, '_, C> {
         }
         match header.record {
             RecordKind::Disc => self.discs(count, 0, |number, groups, widths| {
-                let known = between.and_then(|sides| sides.discs(groups, widths));
+                let known = between.filter(|_| ALIKE.contains(&number));
+                let known = known.and_then(|sides| sides.discs(groups, widths));
                 known.map_or(Known::Nothing, |between| Known::Between(between, number))
             })?,
             RecordKind::Full => {

@@ -62,9 +62,8 @@ impl<'a> Earlier<'a> {
             let scale = (1u32 << self.widths.angle) as f32 / (1u32 << from) as f32;
             return CodeMap { scale, offset: 0.5 * scale, last };
         }
-        let at = self.groups + group * size_of::<DiscGroup>();
-        let here = payload.get(at..).and_then(|bytes| take_plane::<DiscGroup>(bytes, 1));
-        let (Some(([here], _)), Some(there)) = (here, self.discs.groups().get(group)) else {
+        let here = group_at(payload, self.groups, group);
+        let (Some(here), Some(there)) = (here, self.discs.groups().get(group)) else {
             return CodeMap { scale: 0.0, offset: 0.0, last };
         };
         let (from, step) = range(there, self.number);
@@ -84,6 +83,12 @@ impl<'a> Earlier<'a> {
     fn width(&self) -> u8 {
         DiscLayout::new(self.widths).map_or(MOST_BITS, |layout| self.field_of(layout).1 as u8)
     }
+}
+
+/// Ranges of a group of a payload whose groups stand from byte `groups` on.
+pub(super) fn group_at(payload: &[u8], groups: usize, group: usize) -> Option<&DiscGroup> {
+    let at = groups + group * size_of::<DiscGroup>();
+    take_plane::<DiscGroup>(payload.get(at..)?, 1)?.0.first()
 }
 
 /// Offset and step of a number other than the angle.

@@ -9,7 +9,7 @@
 //!    blocks on either side.
 //! 4. `table`, `rans`: how often each difference comes, and the bits that it takes.
 //! 5. `reader` fills a payload in, `unpack` leads through all of them.
-//! 6. `seats` finds which blocks stand beside each other, `survey` counts what comes and chooses, `pack` writes (feature `std`).
+//! 6. `sides` finds which blocks stand beside each other, `survey` counts what comes and chooses, `pack` writes (feature `std`).
 
 mod between;
 mod columns;
@@ -21,7 +21,7 @@ mod predict;
 mod rans;
 mod reader;
 #[cfg(feature = "std")]
-mod seats;
+mod sides;
 #[cfg(feature = "std")]
 mod survey;
 mod table;
@@ -93,10 +93,11 @@ impl Coding {
     }
 }
 
-/// A step from one triangle to the next that is this or more stands in the side information, in so many bits.
+/// A step to a triangle that is this or more stands in the side information, in so many bits; between two others the triangle
+/// itself does.
 const ESCAPE: u8 = 255;
 const ESCAPED_BITS: u32 = 25;
-/// Bits of how many triangles of a block that stands between others are told by a symbol.
+/// Bits of how many triangles of a block that stands between others are told by a step.
 const COUNT_BITS: u32 = 13;
 
 /// What stands before a packed section.

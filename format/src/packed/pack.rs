@@ -12,7 +12,7 @@ use super::mesh::to_codes;
 use super::predict::{PREDICTION_BITS, Prediction};
 use super::rans::{Run, encode};
 use super::reader::Memory;
-use super::seats::sides;
+use super::sides::sides;
 use super::survey::{Choice, Key, Scope, Survey, Told, differences, told};
 use super::{
     CODING_BITS, COUNT_BITS, Coding, ESCAPE, ESCAPED_BITS, MAGIC, MOST_EXPANSION, VERSION,

@@ -24,9 +24,15 @@ pub(super) const PREDICTION_BITS: u32 = 2;
 impl Prediction {
     pub(super) const ALL: [Self; 4] = [Self::Zero, Self::Previous, Self::Earlier, Self::Between];
 
-    /// Of a code.
-    pub(super) fn of(code: u32) -> Option<Self> {
-        Self::ALL.get(code as usize).copied()
+    /// Of a code of [`PREDICTION_BITS`].
+    pub(super) fn of(code: u32) -> Self {
+        let [zero, previous, earlier, between] = Self::ALL;
+        match code {
+            0 => zero,
+            1 => previous,
+            2 => earlier,
+            _ => between,
+        }
     }
 
     /// Its code.

@@ -121,11 +121,8 @@ impl Coded<'_> {
         Ok(())
     }
 
-    fn prediction(&mut self) -> Result<Prediction, Error> {
-        match Prediction::of(self.side.take(PREDICTION_BITS)) {
-            Some(prediction) => Ok(prediction),
-            None => malformed("packed section", "a column is predicted in an unknown way"),
-        }
+    fn prediction(&mut self) -> Prediction {
+        Prediction::of(self.side.take(PREDICTION_BITS))
     }
 
     fn batches(
@@ -182,7 +179,7 @@ fn place(column: &Column<'_>) -> impl FnMut(&mut [u8], &[u8]) {
 
 impl Coder for Reader<'_> {
     fn column(&mut self, payload: &mut [u8], column: &Column<'_>) -> Result<(), Error> {
-        let prediction = self.source.prediction()?;
+        let prediction = self.source.prediction();
         if column.width <= 8 {
             return self.source.numbers(payload, column, prediction, place(column));
         }
@@ -200,19 +197,17 @@ impl Coder for Reader<'_> {
         columns: &[Column<'_>; 10],
         layout: DiscLayout,
     ) -> Result<(), Error> {
-        if let Known::Between(between, _) = columns[0].known {
-            self.stage(payload, between, columns[0].count);
+        if let Known::Between(between, _) = columns[ALIKE.start].known {
+            self.stage(payload, between, columns[ALIKE.start].count);
         }
         for (column, staged) in columns.iter().zip(&mut *self.staged) {
             if column.width == 0 {
                 staged.fill(0);
                 continue;
             }
-            let prediction = self.source.prediction()?;
+            let prediction = self.source.prediction();
             let (rest, is_between) = match (prediction, column.known) {
-                (Prediction::Between, Known::Between(_, number)) if ALIKE.contains(&number) => {
-                    (Prediction::Zero, true)
-                }
+                (Prediction::Between, Known::Between(..)) => (Prediction::Zero, true),
                 _ => (prediction, false),
             };
             let mask = mask(column.width) as u8;
@@ -257,7 +252,8 @@ impl Coder for Reader<'_> {
         let left = if rows.between.is_some() { side.take(COUNT_BITS) as usize } else { rows.count };
         let slots = &tables.slots;
         let batch = [0; BATCH];
-        let mut symbols = Symbols { coding, decoder: symbols, slots, left, batch, at: BATCH };
+        let mut symbols =
+            Symbols { coding, decoder: symbols, slots, left, batch, len: BATCH, at: BATCH };
         let mut to = RowsWriter { payload, rows, index: 0, fits: true };
         match rows.between {
             None => {
@@ -283,11 +279,16 @@ impl Coder for Reader<'_> {
                 }
             }
         }
-        if to.fits {
-            Ok(())
-        } else {
-            malformed("packed block", "its triangles are longer than it is")
+        if !to.fits {
+            return malformed("packed block", "its triangles are longer than it is");
         }
+        if !symbols.are_taken() {
+            return malformed(
+                "packed block",
+                "it has more or fewer steps to triangles than it says",
+            );
+        }
+        Ok(())
     }
 }
 
@@ -299,6 +300,8 @@ struct Symbols<'a, 'b> {
     /// Symbols after those of the batch.
     left: usize,
     batch: [u8; BATCH],
+    /// Those of the batch that are there.
+    len: usize,
     at: usize,
 }
 
@@ -306,7 +309,7 @@ impl Symbols<'_, '_> {
     /// The next one, [`ESCAPE`] where there are none; or 0, and it stays. Without a branch: which it is cannot be foretold.
     #[inline(always)]
     fn next_if(&mut self, takes: bool) -> u8 {
-        if self.at == BATCH {
+        if self.at == BATCH && self.left > 0 {
             self.fill();
         }
         let symbol = self.batch.get(self.at).copied().unwrap_or(ESCAPE);
@@ -316,12 +319,17 @@ impl Symbols<'_, '_> {
 
     fn fill(&mut self) {
         self.batch = [ESCAPE; BATCH];
-        self.at = 0;
+        (self.at, self.len) = (0, self.left.min(BATCH));
+        self.left -= self.len;
         if self.coding != Coding::Raw {
-            let (batch, _) = self.batch.split_at_mut(self.left.min(BATCH));
+            let (batch, _) = self.batch.split_at_mut(self.len.min(BATCH));
             self.decoder.fill(self.slots, batch);
-            self.left -= batch.len();
         }
+    }
+
+    /// Whether all there are were taken, and no more.
+    fn are_taken(&self) -> bool {
+        self.left == 0 && self.at == self.len
     }
 }
 

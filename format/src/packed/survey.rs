@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::ESCAPE;
 use super::between::{ALIKE, Sides};
 use super::columns::{Coder, Column, Known, Rows, Table};
 use super::predict::{BATCH, FromEarlier, Prediction, Predictor, Previous, folded, number};
 use super::table::{Frequencies, SLOTS};
+use super::{ESCAPE, ESCAPED_BITS};
 use crate::bits::{BitWriter, mask};
 use crate::error::Error;
 use crate::record::TrianglesRecord;
@@ -82,7 +82,7 @@ pub(super) fn differences(
         (Prediction::Zero, _) => {}
         (Prediction::Previous, _) => subtract(&mut Previous::default()),
         (Prediction::Earlier, Known::Earlier(earlier)) => subtract(&mut FromEarlier::new(earlier)),
-        (Prediction::Between, Known::Between(between, number)) if ALIKE.contains(&number) => {
+        (Prediction::Between, Known::Between(between, number)) => {
             for (batch, numbers) in numbers.chunks_mut(BATCH).enumerate() {
                 let predicted = between.predict(payload, batch)[number - ALIKE.start];
                 numbers.iter_mut().zip(predicted).for_each(|(n, p)| *n = n.wrapping_sub(p));
@@ -131,7 +131,10 @@ pub(super) fn told(payload: &[u8], rows: &Rows<'_>) -> Option<Vec<Told>> {
 /// How often each symbol comes in columns that share a table, by each prediction.
 #[derive(Clone, Debug)]
 pub(super) struct Counts {
-    width: u32,
+    /// Bits of a low part and of a high one that stand as they are.
+    widths: [u32; 2],
+    /// Bits that follow [`ESCAPE`].
+    escaped_bits: u32,
     columns: u32,
     by: [Predicted; Prediction::ALL.len()],
 }
@@ -145,9 +148,19 @@ struct Predicted {
 }
 
 impl Counts {
-    fn new(width: u32) -> Self {
+    /// Of columns of numbers of `width` bits.
+    fn of_columns(width: u32) -> Self {
+        Self::new([width.min(8), width.saturating_sub(8)], 0)
+    }
+
+    /// Of triangles.
+    fn of_rows() -> Self {
+        Self::new([ESCAPED_BITS, 0], ESCAPED_BITS)
+    }
+
+    fn new(widths: [u32; 2], escaped_bits: u32) -> Self {
         let none = || Predicted { columns: 0, parts: [[0; 256]; 2] };
-        Self { width, columns: 0, by: Prediction::ALL.map(|_| none()) }
+        Self { widths, escaped_bits, columns: 0, by: Prediction::ALL.map(|_| none()) }
     }
 
     /// What takes the fewest bits.
@@ -155,9 +168,9 @@ impl Counts {
         let all = Prediction::ALL.iter().zip(&self.by);
         let can = all.filter(|(_, predicted)| predicted.columns == self.columns);
         let options = can.map(|(&prediction, predicted)| {
-            let widths = [self.width.min(8), self.width.saturating_sub(8)];
-            let parts: [(f64, Option<Frequencies>); 2] =
-                std::array::from_fn(|part| part_choice(&predicted.parts[part], widths[part]));
+            let parts: [(f64, Option<Frequencies>); 2] = std::array::from_fn(|part| {
+                part_choice(&predicted.parts[part], self.widths[part], self.escaped_bits)
+            });
             let bits = parts[0].0 + parts[1].0;
             (bits, Choice { prediction, tables: parts.map(|(_, table)| table) })
         });
@@ -169,7 +182,7 @@ impl Counts {
 }
 
 /// Bits that symbols take, as they are or by a table.
-fn part_choice(counts: &[u32; 256], width: u32) -> (f64, Option<Frequencies>) {
+fn part_choice(counts: &[u32; 256], width: u32, escaped_bits: u32) -> (f64, Option<Frequencies>) {
     let total: u32 = counts.iter().sum();
     let raw = f64::from(total) * f64::from(width);
     let Some(table) = Frequencies::of(counts) else { return (raw, None) };
@@ -179,7 +192,8 @@ fn part_choice(counts: &[u32; 256], width: u32) -> (f64, Option<Frequencies>) {
     };
     let mut written = BitWriter::default();
     table.write(&mut written);
-    let coded = counts.iter().zip(&table.0).map(bits).sum::<f64>() + written.len() as f64;
+    let escaped = f64::from(counts[usize::from(ESCAPE)]) * f64::from(escaped_bits);
+    let coded = counts.iter().zip(&table.0).map(bits).sum::<f64>() + escaped + written.len() as f64;
     if coded < raw { (coded, Some(table)) } else { (raw, None) }
 }
 
@@ -203,7 +217,7 @@ impl Coder for Survey<'_> {
         let counts = self
             .counts
             .entry(Key::of_column(self.scope, column))
-            .or_insert_with(|| Counts::new(column.width));
+            .or_insert_with(|| Counts::of_columns(column.width));
         counts.columns += 1;
         for (&prediction, predicted) in Prediction::ALL.iter().zip(&mut counts.by) {
             let Some(differences) = differences(payload, column, prediction) else { continue };
@@ -224,7 +238,7 @@ impl Coder for Survey<'_> {
 
     fn triangles(&mut self, payload: &mut [u8], rows: &Rows<'_>) -> Result<(), Error> {
         let counts =
-            self.counts.entry(Key::of_rows(self.scope, rows)).or_insert_with(|| Counts::new(8));
+            self.counts.entry(Key::of_rows(self.scope, rows)).or_insert_with(Counts::of_rows);
         counts.columns += 1;
         counts.by[0].columns += 1;
         for told in told(payload, rows).unwrap_or_default() {

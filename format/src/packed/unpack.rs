@@ -16,7 +16,7 @@ pub struct Unpacker<'p, 'f> {
     len: usize,
     /// Bytes of the whole file.
     total: usize,
-    /// Sections that are done.
+    /// Sections that have begun.
     sections: usize,
     header: Header,
     memory: Memory,

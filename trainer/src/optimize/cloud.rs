@@ -162,9 +162,9 @@ impl Cloud {
     /// Puts Gaussians that stand coarse to fine into the order of the file: layer by layer, in each by triangle, dealt to
     /// blocks by [`turns`]. Inside a layer the format's rule takes the place of the rank they came with.
     pub fn arrange(layers: Vec<u32>, coarse_to_fine: &[Seed]) -> Self {
-        let mut origins = vec![0; coarse_to_fine.len()];
         let triangle = |origin: u32| coarse_to_fine[origin as usize].triangle;
         let mut places = turns(&layers);
+        let mut origins = vec![0; places.len()];
         let (mut rest, mut first) = (&mut places[..], 0);
         for &layer in &layers {
             let mut by_triangle: Vec<u32> = (first..first + layer).collect();
