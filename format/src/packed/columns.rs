@@ -81,7 +81,7 @@ pub(super) struct Rows<'a> {
     pub(super) lows: usize,
     /// First bit of the steps, and the bit after the last one.
     pub(super) steps: (usize, usize),
-    /// The first one.
+    /// What the first step begins at.
     pub(super) base: u32,
     /// Blocks on either side.
     pub(super) between: Option<Neighbours<'a>>,
@@ -126,6 +126,12 @@ pub(super) fn walk<C: Coder>(
     before: &[u8],
     coder: &mut C,
 ) -> Result<(), Error> {
+    if payload.len().checked_mul(8).is_none() {
+        return malformed(
+            "packed section",
+            "its bits are more than a number of this machine holds",
+        );
+    }
     let mut walk = Walk { coder, payload, at: 0, own: 0 };
     match tag {
         tag::VERTICES => walk.shorts(3, header.vertices as usize)?,

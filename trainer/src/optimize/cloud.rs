@@ -320,6 +320,33 @@ mod tests {
     use super::*;
 
     #[test]
+    fn blocks_stand_by_triangle_and_the_coarser_of_a_triangle_come_first() {
+        let layers = vec![700, 0, 14_000];
+        let seed = |i: u32| Seed {
+            triangle: (i.wrapping_mul(0x9e37_79b1) >> 8) % 900,
+            parameters: Parameters { angle: i as f32, ..Parameters::default() },
+            freedom: Freedom::Free,
+        };
+        let seeds: Vec<Seed> = (0..layers.iter().sum()).map(seed).collect();
+        let cloud = Cloud::arrange(layers.clone(), &seeds);
+        let mut ranks = cloud.ranks.clone();
+        ranks.sort_unstable();
+        assert!(ranks.into_iter().eq(0..14_700));
+        for (_, first, count) in order::blocks(&layers) {
+            assert!(cloud.triangles[first as usize..][..count as usize].is_sorted());
+        }
+        let mut last = std::collections::BTreeMap::new();
+        for (place, (&origin, &triangle)) in cloud.origins.iter().zip(&cloud.triangles).enumerate()
+        {
+            let seed = &seeds[origin as usize];
+            assert_eq!((triangle, cloud.full()[place].angle), (seed.triangle, origin as f32));
+            let layer = place >= 700;
+            assert_eq!(layer, origin >= 700, "it stays in its layer");
+            assert!(last.insert((layer, triangle), origin).is_none_or(|before| before < origin));
+        }
+    }
+
+    #[test]
     fn flattening_ends_at_the_plane() {
         for (z, by, expected) in
             [(0.5, 0.2, 0.3), (-0.5, 0.2, -0.3), (0.1, 0.2, 0.0), (-0.1, 0.2, 0.0), (0.5, 0.0, 0.5)]
